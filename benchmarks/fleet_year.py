@@ -41,7 +41,7 @@ from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import Indicator, Interval, Verdict
-from mavhums.show.over_flights import digest_blocks
+from mavhums.show.standing import digest_blocks
 from mavhums.show.terminal import plain
 
 ACTUATORS = ("aileron_left", "aileron_right", "elevator", "rudder")

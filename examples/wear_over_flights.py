@@ -16,8 +16,8 @@ from rich.progress import track
 
 import mavhums
 from mavhums.results.standing import TrendReport
-from mavhums.show.over_flights import trend_blocks
 from mavhums.show.terminal import draw
+from mavhums.show.trend import trend_blocks
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.link import Link
 

@@ -12,8 +12,9 @@ import numpy as np
 from mavhums.core.conditions import Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
+from mavhums.results.sections import FlightIdentity
 from mavhums.results.standing import FlightsLeft, Growth, Standing, Step
-from mavhums.results.verdict import FlightIdentity, Indicator, Interval, Suspect, Verdict
+from mavhums.results.verdict import Indicator, Interval, Suspect, Verdict
 from tests.fleet.stores import write_store
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)

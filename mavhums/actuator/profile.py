@@ -24,7 +24,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.models import Contract, Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.results.reasons import FILL_IN
-from mavhums.results.verdict import AxisLimits
+from mavhums.results.sections import AxisLimits
 
 _LOADED_SHARE: Final = 0.5  # of the speed without load: that of a motor at half of its torque at stall
 _OF_THE_SHEET: Final = ("source", "voltage", "stall_torque", "no_load_deg_s")

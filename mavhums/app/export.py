@@ -14,8 +14,9 @@ import pandas as pd
 
 from mavhums.actuator.mapping import MappedSamples, VehicleMappers, messages_for
 from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airframe
-from mavhums.app.analysis import Events, analyse
+from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options, models_of
+from mavhums.app.sinks import Events
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import TableWriter, writer_for, written_whole
 from mavhums.core.packed import is_stream

@@ -18,7 +18,7 @@ from mavhums.flights.aircraft import AircraftResolver, AircraftTable, check_airc
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.learn import Model, load_model, packaged_models
 from mavhums.log.mavlink.signing import load_key
-from mavhums.results.verdict import Decide
+from mavhums.results.sections import Decide
 
 if TYPE_CHECKING:
     from mavhums.flights.store import Store

@@ -276,8 +276,9 @@ def analyse(
       2 usage    11 an emergency    10 degraded    1 a log that cannot be read
       12 undecided    3 log read with losses    0 all normal
     """
-    from mavhums.app.analysis import Batch, Recording, analyse_many
+    from mavhums.app.analysis import Batch, analyse_many
     from mavhums.app.settings import Settings
+    from mavhums.app.sinks import Recording
 
     if open_viewer and rrd is None:
         raise click.UsageError("--open needs --rrd OUT")

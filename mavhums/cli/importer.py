@@ -58,7 +58,8 @@ def _arguments() -> tuple[Path, str | None]:
 
 
 def _import(path: Path, recording_id: str | None) -> None:
-    from mavhums.app.analysis import Events, analyse
+    from mavhums.app.analysis import analyse
+    from mavhums.app.sinks import Events
     from mavhums.show.viewer import Recorder
 
     with Recorder(None, recording_id=recording_id or path.name) as recorder:

@@ -20,7 +20,8 @@ from mavhums.health.decision.events import ActuatorRecord, Classified, Condition
 from mavhums.health.verdict.actuator import unjudged_actuator, verdict_of_actuator, with_refused
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.log import Table
-from mavhums.results.verdict import Decide, ModelSummary, NetworkAnswer, Verdict, WindowsOfClass
+from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer, WindowsOfClass
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle.airspeed import Airspeeds
 from mavhums.vehicle.usage import EscTemperatures
 

@@ -35,7 +35,8 @@ from mavhums.health.verdict.actuator import crowded_out, unjudged_vehicle
 from mavhums.health.verdict.axis import named_by_telemetry
 from mavhums.log import Decoder, Table
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.verdict import ALL, FlightIdentity, VehicleUsage, Verdict
+from mavhums.results.sections import FlightIdentity, VehicleUsage
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import FlightEvents

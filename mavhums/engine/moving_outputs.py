@@ -30,7 +30,7 @@ from mavhums.health.axis.explained import explained_by
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS
 from mavhums.health.decision.events import ConditionChanged, Indication
-from mavhums.results.verdict import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows

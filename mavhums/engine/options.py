@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from mavhums.actuator.profile import Airframe
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.results.verdict import Decide
+from mavhums.results.sections import Decide
 
 if TYPE_CHECKING:
     from mavhums.learn import Model

@@ -9,7 +9,7 @@ from mavhums.actuator.contradictions import contradictions
 from mavhums.actuator.profile import Airframe
 from mavhums.engine.vehicle_axes import VehicleAxes
 from mavhums.results.reasons import Reason
-from mavhums.results.verdict import OutputUsage, VehicleUsage
+from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.vehicle.facts import OUTPUTS
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters, control_surfaces

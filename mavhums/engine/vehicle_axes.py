@@ -23,7 +23,8 @@ from mavhums.health.axis.thresholds import REFERENCE_S
 from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.verdict.axis import verdicts_of_axes
 from mavhums.health.verdict.obstacles import why_not_at_all
-from mavhums.results.verdict import AxisLimits, Verdict
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle.events import VehicleEvents
 from mavhums.vehicle.facts import ALL_OUTPUTS, Signal
 from mavhums.vehicle.flight import Flight

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.results.standing import FleetDigest
-from mavhums.show.over_flights import digest_blocks, digest_headline
+from mavhums.show.standing import digest_blocks, digest_headline
 from mavhums.show.terminal import plain
 
 if TYPE_CHECKING:

@@ -61,7 +61,8 @@ from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.actuator import BaselineFindings, against_baseline, with_refused
 from mavhums.health.verdict.motor import compare_motors
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import NOT_COMPARED, Evidence, Suspect, Verdict
+from mavhums.results.sections import NOT_COMPARED
+from mavhums.results.verdict import Evidence, Suspect, Verdict
 
 _LARGEST = 256 << 20
 

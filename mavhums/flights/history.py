@@ -19,15 +19,8 @@ from mavhums.flights.aircraft import Since
 from mavhums.health.decision.baseline import Baseline, Baselines, PastRecord
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import (
-    ALL,
-    CLOCKS_APART_S,
-    FlightCopy,
-    FlightIdentity,
-    Indicator,
-    OwnRecord,
-    Verdict,
-)
+from mavhums.results.sections import CLOCKS_APART_S, FlightCopy, FlightIdentity
+from mavhums.results.verdict import ALL, Indicator, OwnRecord, Verdict
 
 Key = TypeVar("Key", bound=Hashable)
 

@@ -49,8 +49,8 @@ from mavhums.flights.store.logs import (
 from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.flights.trends import standings_after
 from mavhums.results.assessment import Assessment
+from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.standing import ForeignBoard, Standing
-from mavhums.results.verdict import NOT_COMPARED
 
 BOARD_NAME: Final = "board "
 """Begins the name of an aircraft that only its board identifies."""

@@ -11,6 +11,10 @@ from typing import TYPE_CHECKING
 from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
+    from mavhums.learn.card import Calibration as Calibration
+    from mavhums.learn.card import Card as Card
+    from mavhums.learn.card import Selection as Selection
+    from mavhums.learn.card import WindowCard as WindowCard
     from mavhums.learn.chain import Scheme as Scheme
     from mavhums.learn.chain import select_features as select_features
     from mavhums.learn.evaluation import CommandLeak as CommandLeak
@@ -23,12 +27,8 @@ if TYPE_CHECKING:
     from mavhums.learn.inference import TanhNetwork as TanhNetwork
     from mavhums.learn.inference import WindowNetwork as WindowNetwork
     from mavhums.learn.model import Answers as Answers
-    from mavhums.learn.model import Calibration as Calibration
-    from mavhums.learn.model import Card as Card
     from mavhums.learn.model import Model as Model
     from mavhums.learn.model import ModelError as ModelError
-    from mavhums.learn.model import Selection as Selection
-    from mavhums.learn.model import WindowCard as WindowCard
     from mavhums.learn.model import default_model as default_model
     from mavhums.learn.model import load_model as load_model
     from mavhums.learn.model import models as models
@@ -57,12 +57,12 @@ if TYPE_CHECKING:
     from mavhums.learn.wrapper import network_objective as network_objective
 
 _MODULES = {
+    "card": "Calibration Card Selection WindowCard",
     "chain": "Scheme select_features",
     "evaluation": "CommandLeak CommandLeakWarning brier_score calibrate check_command "
     "expected_calibration_error",
     "inference": "Network TanhNetwork WindowNetwork",
-    "model": "Answers Calibration Card Model ModelError Selection WindowCard default_model load_model models "
-    "packaged_models save_model",
+    "model": "Answers Model ModelError default_model load_model models packaged_models save_model",
     "networks": "TanhNetworkEnsemble",
     "precedents": "Precedent PrecedentBase PrecedentError Provenance",
     "ranking": "ChiSquareRanking VectorThinning",

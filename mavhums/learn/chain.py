@@ -16,7 +16,7 @@ from sklearn.base import clone
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
-from mavhums.learn.model import ExcludedQuantity, Selection, Thinned
+from mavhums.learn.card import ExcludedQuantity, Selection, Thinned
 from mavhums.learn.ranking import ChiSquareRanking, VectorThinning
 from mavhums.learn.redundancy import (
     Elementary,

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
+from mavhums.learn.card import Calibration
 from mavhums.learn.inference import WindowNetwork
-from mavhums.learn.model import Calibration
 
 _HELD_OUT = 0.25
 _BLOCKS = 12

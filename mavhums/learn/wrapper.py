@@ -18,8 +18,8 @@ from scipy.special import log_softmax
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MissingExtraError
 from mavhums.learn._estimators import train_networks
+from mavhums.learn.card import Wrapped
 from mavhums.learn.inference import TanhNetwork
-from mavhums.learn.model import Wrapped
 
 if TYPE_CHECKING:
     from mavhums.learn.batched import Samples

@@ -19,8 +19,9 @@ from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import REPORTED, Deriver
 from mavhums.actuator.mapping import Samples
 from mavhums.actuator.profile import Actuator, Airframe, Limits
-from mavhums.app.analysis import Events, analyse
+from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
+from mavhums.app.sinks import Events
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column

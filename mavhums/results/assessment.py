@@ -18,16 +18,9 @@ from mavhums.core.errors import ExitCode
 from mavhums.core.models import Contract, Drawn, Frozen
 from mavhums.core.quantities import KEYS
 from mavhums.log.base.decoder import Losses
+from mavhums.results.sections import FlightCopy, FlightEvent, FlightIdentity, ModelSummary, VehicleUsage
 from mavhums.results.standing import Standing, exit_code_of
-from mavhums.results.verdict import (
-    MEASURED,
-    FlightCopy,
-    FlightEvent,
-    FlightIdentity,
-    ModelSummary,
-    VehicleUsage,
-    Verdict,
-)
+from mavhums.results.verdict import MEASURED, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -37,7 +37,7 @@ from mavhums.serve.views import (
 )
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import draw, environment, parts
-from mavhums.show.over_flights import trend_blocks
+from mavhums.show.trend import trend_blocks
 
 _SUBJECTS: Final = 4000
 _AIRCRAFT: Final = 300

@@ -33,7 +33,8 @@ from mavhums.serve.sessions import Dropped
 from mavhums.show.blocks import Block, Cell, Column, Headline, Link, Listing, Mark, Note, Part, Table
 from mavhums.show.headline import headline
 from mavhums.show.now import latest_line, status_blocks
-from mavhums.show.over_flights import TrendView, found_in, mark_of, trend_shown
+from mavhums.show.standing import found_in, mark_of
+from mavhums.show.trend import TrendView, trend_shown
 from mavhums.show.words import subject_of
 
 FEWEST_FLIGHTS: Final = 3

@@ -16,8 +16,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from mavhums.app.analysis import Failed, Recording, Report, Sink, judge
+from mavhums.app.analysis import Failed, judge
 from mavhums.app.settings import Options, Settings
+from mavhums.app.sinks import Recording, Report, Sink
 from mavhums.core.packed import ArchiveError
 from mavhums.serve.uploads import take_logs
 from mavhums.show.headline import headline

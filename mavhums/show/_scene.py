@@ -22,13 +22,14 @@ from mavhums.show._signals import Rows
 from mavhums.show._tracks import Track, path_part
 from mavhums.show.blocks import Mark
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
+from mavhums.show.event_words import FRAME, event_words, trace_words
 from mavhums.show.headline import judged_vehicles
 from mavhums.show.markdown_report import draw, markdown
 from mavhums.show.now import report_blocks
 from mavhums.show.outline import USUAL, kind
 from mavhums.show.tables import listed
 from mavhums.show.verdict_words import class_words
-from mavhums.show.words import FRAME, clock, event_words, name, trace_words
+from mavhums.show.words import clock, name
 from mavhums.vehicle.states import Attitude, FlightMode, Position
 
 _LEVELS: Final[dict[str, str]] = {"degraded": "WARN", "emergency": "ERROR"}

@@ -15,21 +15,12 @@ from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
-from mavhums.results.verdict import OUTSIDE, AxisLimits, Verdict
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import OUTSIDE, Verdict
 from mavhums.show._craft import Part, vehicle_part
 from mavhums.show._signals import ROWS_PER_CHUNK, Classes, Rows, Signals
-from mavhums.show.words import (
-    BLUE,
-    COLOURS,
-    PALE_BLUE,
-    STALE,
-    STALE_COLOUR,
-    YELLOW,
-    axis_levels,
-    drawn,
-    levels,
-    trace_words,
-)
+from mavhums.show.event_words import drawn, trace_words
+from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW, axis_levels, levels
 
 STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""

@@ -12,8 +12,10 @@ from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import NOT_COMPARED, Verdict
+from mavhums.results.sections import NOT_COMPARED
+from mavhums.results.verdict import Verdict
 from mavhums.show.blocks import Block, Craft, Curves, Facts, Finding, Headline, Listing, Note, Table
+from mavhums.show.event_words import event_lines, foremost
 from mavhums.show.headline import advice, headline, judged_vehicles, over_flights, remedy
 from mavhums.show.outline import FIXED_WING, multirotor, outline
 from mavhums.show.tables import ALL_ROWS, ROWS, indicators, provenance, reserve, usage, verdict_table
@@ -21,9 +23,7 @@ from mavhums.show.verdict_words import certainty, explanation, finding, implausi
 from mavhums.show.words import (
     capital,
     clock,
-    event_lines,
     flight_notes,
-    foremost,
     grave_losses,
     join,
     losses,

@@ -13,7 +13,8 @@ from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMa
 from mavhums.core.conditions import Condition
 from mavhums.core.quantities import QUANTITIES
 from mavhums.show._signals import ARCHETYPE, TIMELINE
-from mavhums.show.words import SERIES, capital, in_order
+from mavhums.show.event_words import in_order
+from mavhums.show.words import SERIES, capital
 
 _PLOTS: Final = (
     ("angle", ("V1", "V3")),

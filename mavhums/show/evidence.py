@@ -16,20 +16,11 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Event, Notice
 from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import ALL, OUTSIDE, AxisLimits, Verdict
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import ALL, OUTSIDE, Verdict
+from mavhums.show.event_words import EVIDENCE, drawn, event_words, in_order, trace_words
 from mavhums.show.verdict_words import windows_by_class
-from mavhums.show.words import (
-    EVIDENCE,
-    axis_levels,
-    clock,
-    drawn,
-    event_words,
-    in_order,
-    levels,
-    name,
-    percent,
-    trace_words,
-)
+from mavhums.show.words import axis_levels, clock, levels, name, percent
 from mavhums.vehicle.states import FlightMode, Position
 
 _POINTS: Final = 1200

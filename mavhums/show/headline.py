@@ -19,9 +19,10 @@ from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import Evidence, Verdict
 from mavhums.show.blocks import Cell, Column, Headline, Mark, Table
-from mavhums.show.over_flights import mark_of, sentences, since_words, soonest_words
+from mavhums.show.event_words import gravest_event
+from mavhums.show.standing import mark_of, sentences, since_words, soonest_words
 from mavhums.show.verdict_words import LOSS, course, culprits, is_reliable, kept_percent
-from mavhums.show.words import capital, clock, gravest_event, name, names, place_of
+from mavhums.show.words import capital, clock, name, names, place_of
 
 NOT_JUDGED: Final = (
     "not judged (mavhums judges fixed wings, multirotors, steering, and servos with telemetry)"

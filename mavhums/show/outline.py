@@ -8,7 +8,8 @@ from math import cos, pi, radians, sin
 from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.results.verdict import ALL, OutputUsage, Verdict
+from mavhums.results.sections import OutputUsage
+from mavhums.results.verdict import ALL, Verdict
 from mavhums.show.words import join
 
 

@@ -11,16 +11,8 @@ from mavhums.core.conditions import SEVERITY, URGENCY
 from mavhums.core.output import printable
 from mavhums.core.quantities import QUANTITIES
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import (
-    ALL,
-    MEASURED,
-    STALL_SHARES,
-    Indicator,
-    Interval,
-    OutputUsage,
-    VehicleUsage,
-    Verdict,
-)
+from mavhums.results.sections import OutputUsage, VehicleUsage
+from mavhums.results.verdict import ALL, MEASURED, STALL_SHARES, Indicator, Interval, Verdict
 from mavhums.show.blocks import NOTHING, Block, Cell, Column, Mark, Note, Part, Table, table
 from mavhums.show.verdict_words import control_left, course, judged, network_cell
 from mavhums.show.words import clock, friction, join, name, names, percent, place_of

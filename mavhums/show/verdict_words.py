@@ -7,7 +7,8 @@ from typing import Final
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS
 from mavhums.health.decision.thresholds import NORMAL_S
-from mavhums.results.verdict import ABSTAINED, OUTSIDE, Candidate, Evidence, NetworkAnswer, Verdict, fault_of
+from mavhums.results.sections import NetworkAnswer, fault_of
+from mavhums.results.verdict import ABSTAINED, OUTSIDE, Candidate, Evidence, Verdict
 from mavhums.show.words import clock, effectiveness, friction, join, percent
 
 LOSS: Final = percent(1.0 - NORMAL_EFFECTIVENESS)

@@ -17,7 +17,7 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags
 from mavhums.log import Table
 from mavhums.results.reasons import Reason
-from mavhums.results.verdict import EventKind, FlightEvent
+from mavhums.results.sections import EventKind, FlightEvent
 from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
 from mavhums.vehicle.formats import by_vehicle
 from mavhums.vehicle.grid import RATE_HZ, Seconds
@@ -86,7 +86,7 @@ class VehicleEvents:
         self.left_out = 0
 
     def add(self, kind: EventKind, time_s: float, **about: str | float) -> None:
-        """Add an event; ``about`` are further fields of :class:`mavhums.results.verdict.FlightEvent`."""
+        """Add an event; ``about`` are further fields of :class:`mavhums.results.sections.FlightEvent`."""
         kept = self._kept.setdefault(kind, [])
         if len(kept) < _MOST:
             kept.append(self._event(kind, time_s, **about))

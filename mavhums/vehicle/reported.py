@@ -14,7 +14,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
-from mavhums.results.verdict import EventKind
+from mavhums.results.sections import EventKind
 from mavhums.vehicle.facts import FAULTS
 from mavhums.vehicle.formats import by_vehicle, messages_of
 from mavhums.vehicle.formats.base import Report, each

@@ -9,8 +9,9 @@ import pytest
 
 import mavhums
 from mavhums.actuator.mapping import Samples
-from mavhums.app.analysis import Events, Recording, Report, Sink, judge
+from mavhums.app.analysis import judge
 from mavhums.app.settings import Settings
+from mavhums.app.sinks import Events, Recording, Report, Sink
 from mavhums.core.errors import MavhumsError
 from mavhums.engine.events import Event
 from mavhums.health.decision.events import ConditionChanged

@@ -31,7 +31,7 @@ from mavhums.health.decision.events import (
 )
 from mavhums.health.decision.limits import Levels
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import DECIDE, Decide
+from mavhums.results.sections import DECIDE, Decide
 from mavhums_sim import Flight, Gearbox, fly, write_tlog
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import EmaParameters

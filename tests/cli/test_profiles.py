@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 import mavhums
 from mavhums.actuator.draft import draft_profile
 from mavhums.actuator.profile import Actuator, load_airframe
-from mavhums.app.analysis import Events
+from mavhums.app.sinks import Events
 from mavhums.core.errors import ExitCode
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.vehicle.parameters import control_surfaces, read_parameters

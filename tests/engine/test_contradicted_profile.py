@@ -19,7 +19,8 @@ from mavhums.engine.events import Event, Notice
 from mavhums.engine.moving_outputs import contradiction, refutation
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import AxisLimits, Verdict
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Verdict
 from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.surfaces import SurfaceOutput
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog

@@ -14,7 +14,7 @@ import pytest
 from mavhums.core.errors import ExitCode
 from mavhums.fleet import digest, worst
 from mavhums.results.standing import FleetDigest
-from mavhums.show.over_flights import digest_blocks
+from mavhums.show.standing import digest_blocks
 from mavhums.show.terminal import plain
 from tests.conftest import Run
 from tests.fleet.stores import write_store

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from mavhums import Options, fleet
-from mavhums.cli.fleet import _DailyTimer
+from mavhums.cli.fleet_scan import _DailyTimer
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.scan import LogWatcher
 from mavhums.flights.store import database
@@ -80,7 +80,7 @@ def test_the_command_prints_a_line_a_log_and_ends_cleanly(
     (inbox / "bad.tlog").write_bytes(b"no log")
     monkeypatch.setitem(sys.modules, "distributed", None)  # without workers it is not needed
     before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr("mavhums.cli.fleet.time.sleep", lambda _: signal.raise_signal(signal.SIGTERM))
+    monkeypatch.setattr("mavhums.cli.fleet_scan.time.sleep", lambda _: signal.raise_signal(signal.SIGTERM))
     try:
         watch = ("fleet", "watch", inbox.parent, "--store", tmp_path / "store", "--aircraft", "folder")
         told = run(*watch, "--workers", "0", "--settle", "0")

@@ -19,7 +19,8 @@ from mavhums.flights.store import Store
 from mavhums.flights.store.earlier import StoredFlights
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import Coverage, FlightIdentity
+from mavhums.results.sections import FlightIdentity
+from mavhums.results.verdict import Coverage
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import Link
 from tests.conftest import Run

@@ -14,10 +14,11 @@ from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import standings_after, trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of
+from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Change, Standing
-from mavhums.results.verdict import ALL, AxisLimits, Since
+from mavhums.results.verdict import ALL, Since
 from mavhums.show.headline import headline
-from mavhums.show.over_flights import _change_lines
+from mavhums.show.standing import _change_lines
 from tests.flights import START, flown, shown, verdict
 
 

@@ -22,7 +22,7 @@ from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.results.verdict import Evidence, Interval
-from mavhums.show.over_flights import sentence
+from mavhums.show.standing import sentence
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.dataflash import records as rows
 from mavhums_sim.dataflash import write_records

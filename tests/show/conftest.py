@@ -21,17 +21,8 @@ from mavhums.engine.events import Event, Notice
 from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.verdict import (
-    Coverage,
-    Evidence,
-    Interval,
-    ModelSummary,
-    NetworkAnswer,
-    Since,
-    Suspect,
-    Verdict,
-    WindowsOfClass,
-)
+from mavhums.results.sections import ModelSummary, NetworkAnswer, WindowsOfClass
+from mavhums.results.verdict import Coverage, Evidence, Interval, Since, Suspect, Verdict
 
 RATE = 100
 DURATION = 100

@@ -10,7 +10,8 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import Coverage, Interval, OutputUsage, VehicleUsage, Verdict
+from mavhums.results.sections import OutputUsage, VehicleUsage
+from mavhums.results.verdict import Coverage, Interval, Verdict
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.headline import headline
 from mavhums.show.html import page

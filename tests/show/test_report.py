@@ -6,16 +6,8 @@ import pytest
 
 from mavhums.core.quantities import KEYS
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import (
-    ALL,
-    Evidence,
-    FlightCopy,
-    FlightIdentity,
-    Indicator,
-    Interval,
-    Since,
-    Suspect,
-)
+from mavhums.results.sections import FlightCopy, FlightIdentity
+from mavhums.results.verdict import ALL, Evidence, Indicator, Interval, Since, Suspect
 from mavhums.show.markdown_report import anonymous, markdown
 from tests.show.conftest import new_assessment, new_verdict
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
-from mavhums.results.verdict import Coverage, Evidence, FlightEvent, Interval, Verdict
+from mavhums.results.sections import FlightEvent
+from mavhums.results.verdict import Coverage, Evidence, Interval, Verdict
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.headline import NOT_JUDGED, headline
 from mavhums.show.html import page

@@ -23,7 +23,7 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 import rerun as rr
 
-from mavhums.results.verdict import FlightEvent
+from mavhums.results.sections import FlightEvent
 from mavhums.show._scene import Scene
 from mavhums.show._signals import open_stream
 from mavhums.show.blueprint import Fault, Lane, layout

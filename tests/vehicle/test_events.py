@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.app.analysis import analyse
-from mavhums.results.verdict import FlightEvent
+from mavhums.results.sections import FlightEvent
 from mavhums.vehicle.events import FlightEvents, VehicleEvents
 from tests.conftest import CARRIED
 from tests.vehicle.test_phases import seconds
@@ -176,7 +176,7 @@ def test_the_list_is_bounded_and_what_is_left_out_is_counted() -> None:
 
 
 def test_the_events_of_a_flight_are_in_words() -> None:
-    from mavhums.show.words import event_lines, foremost
+    from mavhums.show.event_words import event_lines, foremost
 
     assessment = analyse(CARRIED / "healthy.tlog")
     assert event_lines(assessment)[2:4] == ["12.0s: take-off", "25.3s: flight mode LOITER"]

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums import analyse
 from mavhums.log import Decoder
-from mavhums.results.verdict import FlightIdentity
+from mavhums.results.sections import FlightIdentity
 from mavhums.vehicle.identity import RecordedFlights
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import BOOT_US, EPOCH_US, Link

@@ -16,8 +16,9 @@ from pymavlink import mavutil
 
 from mavhums.health.verdict import with_advice, with_supply
 from mavhums.log import Table, read_log
-from mavhums.results.verdict import Candidate, Evidence, FlightEvent, Verdict
-from mavhums.show.words import event_words
+from mavhums.results.sections import FlightEvent
+from mavhums.results.verdict import Candidate, Evidence, Verdict
+from mavhums.show.event_words import event_words
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.formats import messages_of
 from mavhums.vehicle.reported import Sag, ServoRails

@@ -31,7 +31,8 @@ from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
-from mavhums.results.verdict import CLOCKS_APART_S, FlightIdentity, OwnRecord, Verdict
+from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
+from mavhums.results.verdict import OwnRecord, Verdict
 
 RECENT_FLIGHTS: Final = 200
 """Flights that tell how an aircraft stands; a year of flights."""

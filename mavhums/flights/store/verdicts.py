@@ -35,8 +35,9 @@ from mavhums.flights.store.earlier import OWN, QUALITY, StoredFlights
 from mavhums.flights.store.logs import in_parts, installed, now_us, since_of
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
+from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
 from mavhums.results.standing import Standing, TrendReport
-from mavhums.results.verdict import CLOCKS_APART_S, FlightIdentity, Indicator, Verdict
+from mavhums.results.verdict import Indicator, Verdict
 
 STANDINGS: Final = TypeAdapter(tuple[Standing, ...])
 _APART_US: Final = round(CLOCKS_APART_S * 1e6)

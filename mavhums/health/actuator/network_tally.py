@@ -20,7 +20,8 @@ from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord
 from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason
-from mavhums.results.verdict import ABSTAINED, OUTSIDE, Evidence, Suspect, fault_of
+from mavhums.results.sections import fault_of
+from mavhums.results.verdict import ABSTAINED, OUTSIDE, Evidence, Suspect
 
 _BALLOT = Ballot()
 _QUANTITY = "the network's probability of its class"

@@ -25,7 +25,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.decision.limits import MOST_CONFIDENCE
 from mavhums.health.sequential import EXCLUDING
-from mavhums.results.verdict import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES, STEERING
 

@@ -53,7 +53,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.results.verdict import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.flight import LEAST_DRIVEN, SPEEDS
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY
 from mavhums.vehicle.rows import Rows

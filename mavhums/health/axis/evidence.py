@@ -46,7 +46,7 @@ from mavhums.health.axis.thresholds import (
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.sequential import EXCLUDING, SequentialTest
-from mavhums.results.verdict import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 
 _LAGS_S: Final = np.array((0.0, *EXTRA_LAGS_S))

@@ -22,7 +22,8 @@ from mavhums.health.axis.thresholds import (
     LEAST_ROWS_PER_S,
     MASKED_S,
 )
-from mavhums.results.verdict import AxisLimits, Coverage, Evidence, Interval, Suspect
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Coverage, Evidence, Interval, Suspect
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 

@@ -22,7 +22,8 @@ from mavhums.health.decision.events import ConditionChanged, Indication, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS, NORMAL_S
 from mavhums.health.estimation.random_effects import RunningVariance
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.results.verdict import AxisLimits, Coverage, Evidence, Interval, Suspect
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Coverage, Evidence, Interval, Suspect
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import AXES

@@ -22,7 +22,8 @@ from mavhums.health.decision.conditions import since
 from mavhums.health.decision.limits import MOST_CONFIDENCE, tail_of_flight
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.results.reasons import Reason, said
-from mavhums.results.verdict import AxisLimits, Coverage, Evidence, Interval, OwnRecord, Suspect, Verdict
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Coverage, Evidence, Interval, OwnRecord, Suspect, Verdict
 
 _TESTED: Final = (*LOSSES, "slow", "hard_over")  # faults among which the false alarms are divided
 

@@ -17,16 +17,8 @@ from mavhums.health.decision.conditions import since
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import obstacle, unjudged
 from mavhums.results.reasons import Reason, said
-from mavhums.results.verdict import (
-    ALL,
-    Coverage,
-    Evidence,
-    Indicator,
-    Interval,
-    NetworkAnswer,
-    Suspect,
-    Verdict,
-)
+from mavhums.results.sections import NetworkAnswer
+from mavhums.results.verdict import ALL, Coverage, Evidence, Indicator, Interval, Suspect, Verdict
 from mavhums.vehicle.formats import remedy as to_record
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces

@@ -17,7 +17,7 @@ from mavhums.health.axis.detectors import (
 )
 from mavhums.health.axis.reference import Loss, Second
 from mavhums.health.axis.residuals import Deviation
-from mavhums.results.verdict import AxisLimits
+from mavhums.results.sections import AxisLimits
 
 LIMITS = AxisLimits()
 DEVIATION = 0.09  # of the reference, rad/s

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.health.axis.evidence import LossTest
-from mavhums.results.verdict import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.test_pooled import GAIN, REFERENCE
 

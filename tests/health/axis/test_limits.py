@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mavhums.actuator.profile import ProfileError, load_airframe
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.results.verdict import AxisLimits
+from mavhums.results.sections import AxisLimits
 from tests.health.axis.flights import changes_of, rolling
 from tests.present import present
 

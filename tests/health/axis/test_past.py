@@ -11,7 +11,8 @@ from scipy.stats import t
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import _departures, compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline, ComparedIndicator
-from mavhums.results.verdict import AxisLimits, Coverage, Evidence, Indicator, Interval, Suspect, Verdict
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, Suspect, Verdict
 from tests.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)

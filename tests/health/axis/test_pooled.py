@@ -12,7 +12,8 @@ from mavhums.health.axis.evidence import LossTest
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.reference import Reference, measured
 from mavhums.health.axis.regressions import Basis, Shape
-from mavhums.results.verdict import AxisLimits, Coverage
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Coverage
 from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
 from tests.present import present
 

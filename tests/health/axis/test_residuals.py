@@ -10,7 +10,7 @@ import pytest
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.health.axis.residuals import PitchTracking, Residual, RollTracking
-from mavhums.results.verdict import AxisLimits
+from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import rows, steady

@@ -21,7 +21,8 @@ from mavhums.health.verdict.axis import (
 )
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.reasons import Reason
-from mavhums.results.verdict import AxisLimits, Candidate, Coverage, Evidence, Interval, Verdict
+from mavhums.results.sections import AxisLimits
+from mavhums.results.verdict import Candidate, Coverage, Evidence, Interval, Verdict
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
