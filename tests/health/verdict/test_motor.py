@@ -184,7 +184,7 @@ def test_what_grows_in_one_motor_counts_beyond_how_flights_scatter(fault: str, l
         assert [one.condition for one in found] == ["normal", "normal", worn, "normal"]
 
 
-@pytest.mark.parametrize(("yaw", "weight"), [(0.048, True), (0.050, False)])
+@pytest.mark.parametrize(("yaw", "weight"), [(0.054, True), (0.057, False)])
 def test_only_yaw_tells_a_motor_from_a_weight(yaw: float, weight: bool) -> None:
     [evidence] = compared([0.4, 0.0, 0.0, 0.0], yaw)[0].evidence
     assert ("a weight that sits elsewhere" in evidence.rule) is weight
