@@ -21,7 +21,8 @@ from sklearn.preprocessing import MinMaxScaler
 
 from mavhums.core.quantities import KEYS
 from mavhums.learn import TanhNetworkEnsemble, exhaustive_search, genetic_search, network_objective
-from mavhums.paper.experiment import PILOT, SELECTED, TEST_NM, TRAINING_NM, fly_condition, samples
+from mavhums.paper.cyclograms import PILOT, SELECTED, TEST_NM, TRAINING_NM, fly_condition
+from mavhums.paper.experiment import samples
 from mavhums.paper.report import markdown_table
 
 HIDDEN = tuple(range(4, 17))

@@ -23,7 +23,8 @@ from mavhums.core.process_pool import LostItem, in_processes
 from mavhums.engine.options import EngineOptions
 from mavhums.fleet.sources import UnreachedError, at_hand, logs_in
 from mavhums.flights.aircraft import UNKNOWN, AircraftResolver
-from mavhums.flights.landing import remember, resolver_of_store, row_of
+from mavhums.flights.landing import row_of
+from mavhums.flights.naming import remember, resolver_of_store
 from mavhums.flights.queries import standings
 from mavhums.flights.store import LogFile, Row, Store
 from mavhums.flights.store.database import AIRCRAFT, FLIGHT, LOG, VERDICT

@@ -19,7 +19,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.history import PastFlight
-from mavhums.flights.landing import foreign_boards
+from mavhums.flights.naming import foreign_boards
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Store
 from mavhums.flights.store.database import AIRCRAFT, FLIGHT, INDICATOR, LOG, RECORDING, VERDICT, us_of

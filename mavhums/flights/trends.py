@@ -1,25 +1,24 @@
-"""How an actuator stands over its flights: trends of its indicators, remaining useful life, steps, state."""
+"""The trend of each actuator's indicators over its flights, and its remaining useful life (RUL)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
-from datetime import timedelta
+from collections.abc import Collection, Iterable
 from functools import cache
 from math import sqrt
-from typing import Any, Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from mavhums.core.arrays import Array
-from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.conditions import URGENCY
 from mavhums.core.statistics import NORMAL_95
 from mavhums.flights.aircraft import Since, latest
 from mavhums.flights.history import PastFlight, baselines_of, in_order, superseded_by_profile
+from mavhums.flights.standing import Flown, growth_of, highest, in_sense, standing_of, step_of
 from mavhums.health.decision.baseline import LOSSES, Baseline
 from mavhums.health.decision.growth import Course, course_of, last_step
-from mavhums.health.decision.thresholds import LASTING_FLIGHTS, TREND_FLIGHTS, TREND_REACH_SPANS
-from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
+from mavhums.health.decision.thresholds import LASTING_FLIGHTS, TREND_FLIGHTS
 from mavhums.results.standing import (
     ActuatorTrend,
     FlightPoint,
@@ -30,232 +29,6 @@ from mavhums.results.standing import (
     TrendReport,
 )
 from mavhums.results.verdict import ALL, Indicator, Interval, Verdict
-
-_FARTHEST: Final = timedelta(days=36_525)
-
-
-class Flown(NamedTuple):
-    """One flight of one actuator; ``number`` counts all from 1, ``counts`` is false before a repair."""
-
-    number: int
-    flight: PastFlight
-    start_utc: str
-    verdict: Verdict
-    gravest: Condition
-    counts: bool = True
-
-
-Pairs = Sequence[tuple[Flown, Indicator]]
-
-
-def growth_of(course: Course, pairs: Pairs, limits: tuple[float | None, float | None]) -> Growth:
-    """Return the growth of an indicator.
-
-    Parameters
-    ----------
-    course
-        Of the pairs; a fault raises it.
-    pairs
-        Flights and their indicators.
-    limits
-        From which the actuator is degraded, and from which it is an emergency, in the sense of the course.
-    """
-    since, newest = pairs[course.since][0], pairs[-1][1]
-    reach = TREND_REACH_SPANS * (pairs[-1][0].number - since.number)
-    flown = [each for each, _ in pairs]
-    degraded, emergency = (
-        None if limit is None else flights_left(course.flights_left(limit), flown, reach) for limit in limits
-    )
-    return Growth(
-        fault=newest.fault,
-        quantity=newest.quantity,
-        unit=newest.unit,
-        since_flight=since.number,
-        since_utc=since.start_utc,
-        per_flight=in_sense(course.per_flight, newest.fault),
-        to_degraded=degraded,
-        to_emergency=emergency,
-    )
-
-
-def flights_left(
-    left: tuple[float, float, float], flown: Sequence[Flown], reach: float
-) -> FlightsLeft | None:
-    """Return flights left with their dates; None if not even the estimate is finite.
-
-    Parameters
-    ----------
-    left
-        Low end, estimate and high end; infinite where there is none.
-    flown
-        The flights; the last ones tell how often the aircraft flies.
-    reach
-        Flights beyond which a straight line is a guess.
-    """
-    low, estimate, high = left
-    if not np.isfinite(estimate):
-        return None
-    recent = flown[-REFERENCE_FLIGHTS:]
-    flights = recent[-1].number - recent[0].number
-    each = (recent[-1].flight.start - recent[0].flight.start) / flights if flights else timedelta(0)
-
-    def date(ahead: float) -> str | None:
-        if not each or not ahead * each.total_seconds() < _FARTHEST.total_seconds():
-            return None
-        return (recent[-1].flight.start + ahead * each).date().isoformat()
-
-    return FlightsLeft(
-        estimate=estimate,
-        low=low,
-        high=high if np.isfinite(high) else None,
-        expected_utc=date(estimate),
-        earliest_utc=date(low),
-        latest_utc=date(high),
-        is_far=bool(estimate > reach),
-    )
-
-
-def step_of(pairs: Pairs, place: int) -> Step:
-    """Return the change of an indicator before the flight at an index."""
-    values = np.array([one.value.estimate for _, one in pairs])
-    before, after = values[:place][-LASTING_FLIGHTS:], values[place:][:LASTING_FLIGHTS]
-    size = float(after.mean() - before.mean())
-    flown, newest = pairs[place][0], pairs[-1][1]
-    return Step(
-        fault=newest.fault,
-        quantity=newest.quantity,
-        unit=newest.unit,
-        flight=flown.number,
-        at_utc=flown.start_utc,
-        size=size,
-        better=(size < 0) != (newest.fault in LOSSES),
-    )
-
-
-def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend]) -> Standing:
-    """Return how an actuator stands after its last flight.
-
-    Parameters
-    ----------
-    flown
-        Its flights, at least one.
-    trends
-        Those of all its indicators.
-    """
-    several = [*trends]
-    last = flown[-1]
-    since = [each for each in flown if each.counts]
-    condition, first, latest = _state(since)
-    if latest is not None:
-        # A repair that nobody recorded ends the fault that it mended, and no other.
-        fault = _finding(latest.verdict, condition)["fault"]
-        mended = max(
-            (one.step.flight for one in several if one.fault == fault and one.step and one.step.better),
-            default=0,
-        )
-        if mended > latest.number:
-            condition, first, latest = _state([each for each in since if each.number >= mended])
-    growing = [one.growth for one in several if one.growth]
-    # A step of long ago is known, or nobody will look into it any more.
-    steps = [one.step for one in several if one.step and last.number - one.step.flight < REFERENCE_FLIGHTS]
-    faulty = latest is not None
-    finding = _finding((latest or last).verdict, condition) if faulty else {}
-    return Standing(
-        subject=last.verdict.subject,
-        vehicle=last.verdict.vehicle or 0,
-        actuator=last.verdict.actuator,
-        airframe=last.flight.assessment.airframe,
-        condition=condition if faulty else last.gravest,
-        last=last.gravest,
-        since_flight=first.number if first else None,
-        since_utc=first.start_utc if first else None,
-        clear_flights=sum(
-            _found(each) is not None for each in since if latest and each.number > latest.number
-        ),
-        growth=min(growing, key=lambda one: one.soonest, default=None),
-        step=max(steps, key=lambda one: one.flight, default=None),
-        reason=reason_of(last.verdict, last.gravest),
-        flights=len(flown),
-        last_utc=last.start_utc,
-        log=last.flight.assessment.log.path,
-        **finding,
-    )
-
-
-def _state(flown: Sequence[Flown]) -> tuple[Condition, Flown | None, Flown | None]:
-    """Return the worst of the last five judged flights, and first and latest flight of the fault."""
-    recent: list[tuple[Flown, Condition]] = []
-    first: Flown | None = None
-    for each in flown:
-        found = _found(each)
-        if found is None:
-            continue
-        recent = [*recent, (each, found)][-LASTING_FLIGHTS:]
-        if all(SEVERITY[one] <= 0 for _, one in recent):
-            first = None
-        elif first is None:
-            first = each
-    if first is None:
-        return "normal", None, None
-    worst = max((found for _, found in recent), key=SEVERITY.__getitem__)
-    return worst, first, [each for each, found in recent if found == worst][-1]
-
-
-def _found(each: Flown) -> Condition | None:
-    """Return what a flight shows; None where nothing was decided.
-
-    A flight alone needs more than its interval to be degraded; over flights the interval is enough.
-    """
-    if SEVERITY[each.gravest] > 0:
-        return each.gravest
-    if any(_is_beyond(one) for one in each.verdict.indicators):
-        return "degraded"
-    return each.gravest if SEVERITY[each.gravest] == 0 else None
-
-
-def _is_beyond(one: Indicator) -> bool:
-    return one.limit is not None and one.fault not in LOSSES and one.value.low > one.limit
-
-
-def highest(verdict: Verdict, one: Indicator) -> float | None:
-    """Return the highest estimate of a flight: the mean over it may lie below a limit that was passed."""
-    values = [each.value for each in verdict.evidence if each.kind == one.fault]
-    return max(values) if values and one.fault not in LOSSES else None
-
-
-def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:
-    """Return fault, quantity, value and limit of what a verdict rests on."""
-    rules = [each for each in verdict.evidence if each.condition == condition]
-    named = [one.fault for one in verdict.suspects] + [one.kind.removesuffix("_drift") for one in rules]
-    beyond = [one for one in verdict.indicators if _is_beyond(one)]
-    shown = [one for fault in named for one in verdict.indicators if one.fault == fault]
-    for one in (*shown, *beyond):
-        limit = one.emergency if condition == "emergency" and one.emergency is not None else one.limit
-        return {
-            "fault": one.fault,
-            "quantity": one.quantity,
-            "unit": one.unit,
-            "value": one.value,
-            "highest": highest(verdict, one),
-            "limit": limit,
-        }
-    for rule in rules:
-        return {"fault": rule.kind, "limit": rule.limit, "quantity": rule.rule}
-    return {"fault": named[0] if named else None}
-
-
-def reason_of(verdict: Verdict, gravest: Condition) -> str | None:
-    """Return the rule of the gravest finding, else why nothing was decided."""
-    rules = (each.rule for each in verdict.evidence if each.condition == gravest)
-    return next(rules, verdict.reason)
-
-
-def in_sense(interval: Interval, fault: str) -> Interval:
-    """Return an interval of a course, which a fault raises, as that of the indicator, which losses lower."""
-    if fault not in LOSSES:
-        return interval
-    return Interval(estimate=-interval.estimate, low=-interval.high, high=-interval.low)
-
 
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 _Shown = list[tuple[Flown, Indicator]]

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
     from mavhums.learn.ranking import ChiSquareRanking as ChiSquareRanking
     from mavhums.learn.ranking import VectorThinning as VectorThinning
     from mavhums.learn.redundancy import Dependence as Dependence
-    from mavhums.learn.redundancy import NonlinearRegression as NonlinearRegression
     from mavhums.learn.redundancy import PairwiseRedundancyFilter as PairwiseRedundancyFilter
     from mavhums.learn.redundancy import RegressionRedundancyFilter as RegressionRedundancyFilter
+    from mavhums.learn.regression import NonlinearRegression as NonlinearRegression
     from mavhums.learn.training import LabelledWindows as LabelledWindows
     from mavhums.learn.training import NetworkScore as NetworkScore
     from mavhums.learn.training import TrainingResult as TrainingResult
@@ -66,7 +66,8 @@ _MODULES = {
     "networks": "TanhNetworkEnsemble",
     "precedents": "Precedent PrecedentBase PrecedentError Provenance",
     "ranking": "ChiSquareRanking VectorThinning",
-    "redundancy": "Dependence NonlinearRegression PairwiseRedundancyFilter RegressionRedundancyFilter",
+    "redundancy": "Dependence PairwiseRedundancyFilter RegressionRedundancyFilter",
+    "regression": "NonlinearRegression",
     "wrapper": "SubsetSearch exhaustive_search genetic_search network_objective",
     "training": "LabelledWindows NetworkScore TrainingResult WindowResult train_network train_windows",
 }

@@ -18,12 +18,8 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
 from mavhums.learn.card import ExcludedQuantity, Selection, Thinned
 from mavhums.learn.ranking import ChiSquareRanking, VectorThinning
-from mavhums.learn.redundancy import (
-    Elementary,
-    PairwiseRedundancyFilter,
-    RegressionRedundancyFilter,
-    basis_count,
-)
+from mavhums.learn.redundancy import PairwiseRedundancyFilter, RegressionRedundancyFilter
+from mavhums.learn.regression import Elementary, basis_count
 from mavhums.learn.wrapper import Vectors, eliminate, search_subsets
 
 Select = Literal["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]

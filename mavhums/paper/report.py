@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mavhums.core.quantities import KEYS
 from mavhums.learn import SubsetSearch
-from mavhums.paper.experiment import (
+from mavhums.paper.cyclograms import (
     BEST_12,
     BEST_SELECTED,
     CONDITIONS,
@@ -22,9 +22,8 @@ from mavhums.paper.experiment import (
     TABLE_5,
     TAKEOFF,
     TRAINING_NM,
-    WEIGHT_DECAY,
-    Experiment,
 )
+from mavhums.paper.experiment import WEIGHT_DECAY, Experiment
 from mavhums.paper.tables import FEWER_NETWORKS, LOAD_FRICTION, Findings
 
 POINT: Final = 0.5

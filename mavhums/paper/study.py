@@ -17,7 +17,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS, QUANTITIES
 from mavhums.learn import CommandLeak, CommandLeakWarning, Scheme, check_command, train_network
-from mavhums.paper.experiment import (
+from mavhums.paper.cyclograms import (
     CONDITIONS,
     CYCLOGRAMS,
     FIGURES_16_TO_19,
@@ -26,12 +26,14 @@ from mavhums.paper.experiment import (
     TAKEOFF,
     TEST_NM,
     TRAINING_NM,
-    WEIGHT_DECAY,
     CyclogramSamples,
+    fly_condition,
+)
+from mavhums.paper.experiment import (
+    WEIGHT_DECAY,
     Effort,
     Experiment,
     emergency,
-    fly_condition,
     mlp_accuracies,
     run_experiment,
     samples,

@@ -25,7 +25,7 @@ from mavhums.learn import (
 )
 from mavhums.learn.evaluation import hold_out
 from mavhums.learn.wrapper import Objective
-from mavhums.paper.experiment import (
+from mavhums.paper.cyclograms import (
     CHI_SQUARE,
     P_LEVELS,
     PILOT,
@@ -34,15 +34,10 @@ from mavhums.paper.experiment import (
     TAKEOFF,
     TEST_NM,
     TRAINING_NM,
-    Bound,
     CyclogramSamples,
-    Effort,
-    Experiment,
-    emergency,
     fly_condition,
-    run_experiment,
-    samples,
 )
+from mavhums.paper.experiment import Bound, Effort, Experiment, emergency, run_experiment, samples
 from mavhums_sim.ema import DataSheet, EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 

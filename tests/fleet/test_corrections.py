@@ -22,7 +22,7 @@ pytest.importorskip("distributed")
 from mavhums import fleet
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import BOARD, AircraftResolver, AircraftTable, Installation
-from mavhums.flights.landing import foreign_board_among, foreign_boards, remember
+from mavhums.flights.naming import foreign_board_among, foreign_boards, remember
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Row, Store
 from mavhums.flights.store.database import AIRCRAFT, FLIGHT

@@ -21,12 +21,7 @@ from mavhums.flights.aircraft import (
 )
 from mavhums.flights.history import PastFlight, recordings_of, superseded_recordings
 from mavhums.flights.reports import _kinds
-from mavhums.flights.trends import (
-    Flown,
-    flights_left,
-    standing_of,
-    step_of,
-)
+from mavhums.flights.standing import Flown, flights_left, standing_of, step_of
 from mavhums.results.standing import FlightsLeft, Growth, Standing, Step
 from mavhums.results.verdict import Coverage, Evidence, Verdict
 from tests.flights import START, flown, growth, identity, left, shown, standing, verdict

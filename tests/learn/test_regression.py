@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sklearn.preprocessing import PolynomialFeatures
 
 from mavhums.learn import ChiSquareRanking, NonlinearRegression, RegressionRedundancyFilter
-from mavhums.learn.redundancy import IDENTITY, Elementary, basis_count, basis_products, basis_values
+from mavhums.learn.regression import IDENTITY, Elementary, basis_count, basis_products, basis_values
 
 RANDOM = np.random.default_rng(5)
 LABEL = np.repeat([False, True], 300)
