@@ -1,6 +1,6 @@
 """Numbers that decide about an axis: what each trades, and what set it.
 
-Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.results.verdict`).
+Limits of a loss, a lag, a trim and a tracking error are the profile's (:class:`~mavhums.results.sections`).
 Most others were chosen on the development flights of docs/evidence/axes.md: 24 real flights of the ALFA data
 set, 49 flights in software in the loop, and closed-loop flights with seeds below 9000; "development" below.
 """
@@ -13,8 +13,7 @@ from typing import Final
 # flights: fewer leave the gain too uncertain, more leave fewer to be judged. Development.
 REFERENCE_S: Final = 45
 
-# Seconds within which a reference and the onset of an alarm are sought, s: older rows are of another phase of
-# the flight. Development; 180 names the same of two mixed surfaces.
+# Seconds within which a reference is sought, s: older rows are of another phase of the flight. Development.
 LONGEST_REFERENCE_S: Final = 120
 
 # Seconds of forward flight after which a reference is late: it may already hold a fault, so the verdict says
