@@ -40,6 +40,7 @@ from mavhums.health.axis.thresholds import (
     EXTRA_LAGS_S,
     GAIN_ERROR,
     GROUND_SPEED_SHARE,
+    JUDGED_ERROR,
     LEAST_DRIVE,
     LEAST_ROWS_PER_S,
     LONGEST_REFERENCE_S,
@@ -191,7 +192,7 @@ class EffectivenessTracker:
         if fit is None or found is None:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
-        if found.explained >= EXPLAINED and found.error <= GAIN_ERROR:
+        if found.explained >= EXPLAINED and found.error <= GAIN_ERROR and found.apart <= JUDGED_ERROR:
             self.reference = found
             self._begin(rows)
 

@@ -7,7 +7,7 @@ likely kind of health. Health is more than λ = 0:
 - *gusts*: they move the aircraft and, through the autopilot, the surfaces against it, which lowers the gain
   by up to √(R / K²D − u) (Cauchy and Schwarz): R is the response that no gain explains, u the share that is
   unexplained in the reference, D the sum of d²;
-- *lags* up to the one that the profile allows;
+- *lags* up to the one that the profile allows: one of them is the aircraft's, as healthy seconds show;
 - *speeds*: one that no sensor measures changes the gain by the share that is unknown;
 - *reference*: its gain has an error, which healthy seconds show;
 - *manoeuvres*: the gain changes by a little between them, from one of some minutes to the next;
@@ -44,13 +44,14 @@ from mavhums.health.axis.thresholds import (
     POOLED_S,
     TRIM_CHANGE,
 )
-from mavhums.health.decision.thresholds import FALSE_ALARMS
+from mavhums.health.decision.thresholds import FALSE_ALARMS, NORMAL_S
 from mavhums.health.sequential import EXCLUDING, SequentialTest
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 
 _LAGS_S: Final = np.array((0.0, *EXTRA_LAGS_S))
 _ERRORS: Final = np.arange(-3.0, 4.0)[:, None]  # of the reference's gain, in its standard errors
+_TINY: Final = float(np.finfo(np.float64).tiny)
 _PRIOR: Final = -0.5 * _ERRORS**2 - np.logaddexp.reduce(-0.5 * _ERRORS**2)  # logarithms of probabilities
 
 
@@ -91,14 +92,17 @@ class LossTest:
         hypotheses += [(1.0 - half, side * half, 0) for side in (1.0, -1.0) for half in halves]
         hypotheses += [(1.0, 0.0, lag) for lag in slow.tolist()]
         self._kept, self._moved, lags = np.array(hypotheses).T
-        self._lags = lags.astype(np.intp)
-        lost = self._lags == 0
+        self._lag = lags.astype(np.intp)
+        lost = self._lag == 0
+        # A loss may be one of an aircraft that is late by what is allowed.
+        self._lags = np.where(lost, self._allowed[:, None], self._lag)
         half = 0.5 if len(slow) else 1.0
         weights = np.where(lost, half / lost.sum(), half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
         self.highest, self.threshold = -inf, self._test.threshold
         self._gains = 1.0 + reference.error * _ERRORS
-        self._likely: Array = _PRIOR
+        # Of each gain, in the rows, and of each allowed lag, in the columns.
+        self._likely: Array = _PRIOR - log(len(self._allowed)) + np.zeros(len(self._allowed))
         self._changes = _changes(reference.error)
         self._noise = self._health = 0.0
         self._waiting = 0  # seconds since the last one over which a loss is excluded
@@ -127,29 +131,35 @@ class LossTest:
             self._coupled.append(mixed)
         self._noise, gust_loss = self._gusts()
         spread = self._spread()
-        lost = _explained(self._kept * self._gains, drive2[self._lags], cross[self._lags], gain)
+        kept = self._kept * self._gains[:, :, None]
+        lost = _explained(kept, drive2[self._lags], cross[self._lags], gain)
         if mixed is not None:
             _, both, other2, _, coupled = mixed.tolist()
-            scores = coupled - (1.0 - self._kept * self._gains) * both
-            lost += gain**2 * (2.0 * self._moved * scores - self._moved**2 * other2)
-        lost /= spread
-        driven = self._allowed[drive2[self._allowed] > 0.0]
-        share = cross[driven] / (drive2[driven] * gain)
+            lost += gain**2 * self._moved * (2.0 * (coupled - (1.0 - kept) * both) - self._moved * other2)
+        allowed = drive2[self._allowed], cross[self._allowed]
+        share = allowed[1] / (np.maximum(allowed[0], _TINY) * gain)
         gusty = np.clip(share, self._gains * (1.0 - gust_loss - unknown), self._gains)
-        explained = _explained(gusty, drive2[driven], cross[driven], gain) / spread
-        health = explained.max(axis=1, keepdims=True)
+        health = self._likely + _explained(gusty, *allowed, gain) / spread
         perfect = float(_explained(1.0, drive2[0], cross[0], gain)) / spread
-        hypotheses = np.logaddexp.reduce(self._likely + lost)
-        ratios = hypotheses - np.logaddexp.reduce(self._likely + health)
+        hypotheses = np.logaddexp.reduce(self._likely[:, :, None] + lost / spread, axis=(0, 1))
+        ratios = hypotheses - np.logaddexp.reduce(health, axis=None)
         if not self._test.alarm:  # in a fault a second says nothing about the reference
-            learned = self._likely + health
-            self._likely = np.log(self._changes @ np.exp(learned - np.logaddexp.reduce(learned)))
+            self._learn(np.exp(health - np.logaddexp.reduce(health, axis=None)))
         best = float(ratios.max())
         back = float(hypotheses[self._test.likeliest]) - perfect
         # What tells the hypotheses apart stays.
         alarm = self._test.feed(end_s, ratios + _bounded(best) - best, _bounded(back))
         self.highest = max(self.highest, self._test.evidence)
         return alarm
+
+    def _learn(self, probabilities: Array) -> None:
+        """Take the probabilities of the gain and of the lag, shape (7, lags), after a healthy second.
+
+        Both change: the gain with manoeuvres, the lag once within the seconds that make a verdict.
+        """
+        changed = self._changes @ probabilities
+        mean = changed.mean(axis=1, keepdims=True)
+        self._likely = np.log(mean + (1.0 - 1.0 / NORMAL_S) * (changed - mean))
 
     def excludes(self, drive2: float, cross: float, unknown: float = 0.0) -> int:
         """Take a second that may be slower than those of :meth:`feed`.
@@ -171,7 +181,8 @@ class LossTest:
             return 0
         kept = np.array((1.0, min(NORMAL_EFFECTIVENESS * (1.0 + unknown), 1.0))) * self._gains
         explained = _explained(kept, drive2, cross, self._reference.gain) / self._spread()
-        healthy, lost = np.logaddexp.reduce(self._likely + explained)
+        likely = np.logaddexp.reduce(self._likely, axis=1)[:, None]
+        healthy, lost = np.logaddexp.reduce(likely + explained)
         ratio = _bounded(float(healthy - lost))
         self._health = min(max(self._health, 0.0) + ratio, EXCLUDING)
         self._waiting = min(self._waiting + 1, POOLED_S)
@@ -241,7 +252,7 @@ class LossTest:
     @property
     def lag(self) -> int:
         """Index of the additional lag of the suspected fault, 0 for a loss or without one."""
-        return int(self._lags[self._test.likeliest]) if self.suspects else 0
+        return int(self._lag[self._test.likeliest]) if self.suspects else 0
 
     @property
     def lag_s(self) -> float:
@@ -252,12 +263,12 @@ class LossTest:
         """Return the probability that the left, the right or both mixed surfaces lost effect, shape (3,)."""
         shares = self._test.shares()
         left, right = self._moved > 0.0, self._moved < 0.0
-        found = np.array([shares[one].sum() for one in (left, right, (self._lags == 0) & ~left & ~right)])
-        return np.asarray(found / max(found.sum(), np.finfo(np.float64).tiny))
+        found = np.array([shares[one].sum() for one in (left, right, (self._lag == 0) & ~left & ~right)])
+        return np.asarray(found / max(found.sum(), _TINY))
 
     def probability(self, kept: float) -> float:
         """Return the probability that a fault leaves no more than a share, and is no lag."""
-        return float(self._test.shares()[(self._lags == 0) & (self._kept <= kept)].sum())
+        return float(self._test.shares()[(self._lag == 0) & (self._kept <= kept)].sum())
 
 
 def _changes(error: float) -> Array:

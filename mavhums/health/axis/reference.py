@@ -50,6 +50,11 @@ class Reference:
     constants: Mapping[str, Constant] = field(default_factory=dict)
 
     @property
+    def apart(self) -> float:
+        """Relative error of the regression's gain: large where another contribution is like the drive."""
+        return float(np.sqrt(self.covariance[0, 0])) / abs(self.gain or np.nan)
+
+    @property
     def speed(self) -> float:
         """Speed that is the unit of relative speeds, m/s."""
         return self.basis.speed

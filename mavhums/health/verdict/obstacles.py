@@ -15,6 +15,7 @@ from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.thresholds import (
     EXPLAINED,
     GAIN_ERROR,
+    JUDGED_ERROR,
     LEAST_SPEED_SHARE,
     MOST_LATE_SHARE,
     MOST_PITCH_DEG,
@@ -357,6 +358,9 @@ def _no_reference(findings: AxisFindings, flight: Flight) -> Iterator[Reason]:
     if best.error > GAIN_ERROR:
         needed = 100 * GAIN_ERROR
         yield Reason("effect_uncertain", error=beside(100 * best.error, needed), needed=needed, again=again)
+    elif best.apart > JUDGED_ERROR:
+        needed = 100 * JUDGED_ERROR
+        yield Reason("effect_uncertain", error=beside(100 * best.apart, needed), needed=needed, again=again)
 
 
 def to_record(fact: str, flight: Flight, received: Mapping[str, Received]) -> str:

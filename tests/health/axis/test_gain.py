@@ -145,7 +145,7 @@ def test_the_tail_of_one_manoeuvre_is_no_evidence() -> None:
     flight = rolling(150, lost(999, 1.0), noise=0.005, size=0.04)
     spike = slice(100 * 20, 101 * 20)
     flight.outputs[spike, 0] += 0.6
-    flight.roll_rate[100 * 20 + 4 : 101 * 20 + 4] += 0.45 * 2.2 * 0.6
+    flight.roll_rate[100 * 20 + 4 : 101 * 20 + 4] += 0.6 * 2.2 * 0.6
     assert not certain(EffectivenessTracker("roll").feed(flight))
 
 

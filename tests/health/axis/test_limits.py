@@ -67,7 +67,7 @@ def test_the_limit_decides_between_degraded_and_emergency(limit: float, conditio
     assert monitor.findings("roll").limits.effectiveness_emergency == limit
 
 
-@pytest.mark.parametrize(("left", "condition"), [(0.45, "undecided"), (0.8, "unchanged")])
+@pytest.mark.parametrize(("left", "condition"), [(0.5, "undecided"), (0.8, "unchanged")])
 def test_a_loss_that_the_limits_tolerate_is_not_normal_below_sixty_percent(
     left: float, condition: str
 ) -> None:

@@ -49,7 +49,7 @@ def test_the_coupling_tells_mixed_surfaces_apart(side: str, left: float) -> None
 def test_the_coupling_shows_a_small_loss_of_one_of_two_mixed_surfaces(side: str) -> None:
     """Half of one is a quarter of the gain, which the axis alone does not show here."""
     flight = mixed(side, 0.5)
-    assert {change.after for change in changes_of(AxisMonitor(1), flight)} == {"unchanged"}
+    assert {change.after for change in changes_of(AxisMonitor(1), flight)} <= {"unchanged", "undecided"}
     alarms = [c for c in changes_of(AxisMonitor(1, mixed=ELEVONS), flight) if c.after == "degraded"]
     assert 100.0 < alarms[0].time_s <= 120.0
 

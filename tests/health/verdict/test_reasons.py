@@ -124,8 +124,8 @@ MOVED = (
 KNOWN = Surfaces(MOVED, "parameters")
 
 
-def reference(explained: float = 0.9, error: float = 0.01) -> Any:
-    return SimpleNamespace(explained=explained, error=error)
+def reference(explained: float = 0.9, error: float = 0.01, apart: float = 0.05) -> Any:
+    return SimpleNamespace(explained=explained, error=error, apart=apart)
 
 
 def findings(axis: str = "roll", **changes: Any) -> AxisFindings:
