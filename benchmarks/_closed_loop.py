@@ -122,6 +122,18 @@ def others(seed: int = 0, repeats: int = 1) -> Iterator[Planned]:
         yield Planned(f"{kind}_{surface}_{k:05d}", replace(flight, faults=(fault,)), rate)
 
 
+def mixed(seed: int = 0, repeats: int = 4) -> Iterator[Planned]:
+    """Yield elevons and halves of a V-tail that lose effect or freeze, left and right in turn."""
+    cases = (("gain", 0.0), ("gain", 0.25), ("gain", 0.5), ("freeze", nan), ("gain", 0.5))
+    surfaces = product(range(repeats), cases, ("left", "right"), ("elevon", "vtail"))
+    for k, (_, (kind, value), side, layout) in enumerate(surfaces):
+        rng = np.random.default_rng([seed, 77, k])
+        fault = SurfaceFault(f"{layout}_{side}", kind, value, float(rng.uniform(*FAULT_AT)))
+        flight = _drawn(rng, seed, 50_000 + k, 360.0)
+        flight = replace(flight, layout=layout, faults=(fault,))
+        yield Planned(f"{kind}_{fault.surface}_{k:05d}", flight, float(rng.choice(RATES)))
+
+
 def confounders(seed: int = 0, repeats: int = 4) -> Iterator[Planned]:
     """Yield engine failures, lying airspeed sensors, fronts of wind and lost GPS: no surface fails."""
     kinds = {"engine": (0.0, 0.5), "airspeed": (0.0, 0.8, 1.25), "wind": (5.0, 10.0), "gps": (1.5,)}
@@ -138,6 +150,7 @@ KINDS: dict[str, Callable[..., Iterator[Planned]]] = {
     "jams": jams,
     "losses": losses,
     "others": others,
+    "mixed": mixed,
     "confounders": confounders,
 }
 
@@ -220,7 +233,7 @@ def _span(event: dict[str, Any]) -> dict[str, str]:
 
 def _some(hours: float) -> Iterator[Planned]:
     yield from healthy(hours)
-    for kind in ("jams", "losses", "others", "confounders"):
+    for kind in ("jams", "losses", "others", "mixed", "confounders"):
         planned = list(KINDS[kind]())
         yield from planned[:: max(1, len(planned) // 8)]
 

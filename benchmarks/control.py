@@ -1,16 +1,18 @@
 """Control effectiveness on closed-loop flights: false alarms on healthy flights, and detections by fault.
 
     python benchmarks/control.py [--healthy-hours H] [--minutes M] [--share S] [--seed N] [--jobs J]
-                                 [--keep FILE [--kept]] [--no-airspeed] [--false-alarms N] [--plot PNG]
+                                 [--only BATTERY] [--keep FILE [--kept]] [--no-airspeed] [--false-alarms N]
+                                 [--plot PNG]
 
 Flights of JSBSim's aircraft under the simulator's autopilots (``benchmarks/_closed_loop.py``), from their
-bytes alone: the detectors know nothing of that model. Seeds below 100 are for development, seeds from 1000 on
-for a test. ``--share S`` uses every S-th faulty flight, none with 0. ``--keep FILE`` writes each flight's
-result to a file as it comes, and takes from it what a former run with the same seed has done; ``--kept``
-flies nothing more and prints what the file holds. ``--false-alarms N`` accepts N in 100 h of an axis on
-healthy flights, to compare many that are promised with those that come; ``--plot PNG`` draws both for every
-rate, from the highest evidence of each axis in each flight. The rate of false alarms is given with its 95 %
-upper bound (Poisson), the share of flights with one with that of Clopper and Pearson.
+bytes alone: the detectors know nothing of that model. Seeds below 100 are for development, seeds from 1000
+on for a test. ``--share S`` uses every S-th faulty flight, none with 0, ``--only`` those of one battery.
+``--keep FILE`` writes each flight's result to a file as it comes, and takes from it what a former run with
+the same seed has done; ``--kept`` flies nothing more and prints what the file holds. ``--false-alarms N``
+accepts N in 100 h of an axis on healthy flights, to compare many that are promised with those that come;
+``--plot PNG`` draws both for every rate, from the highest evidence of each axis in each flight. The rate of
+false alarms is given with its 95 % upper bound (Poisson), the share of flights with one with that of Clopper
+and Pearson.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from statistics import median
 import numpy as np
 from scipy.stats import beta, chi2
 
-from benchmarks._closed_loop import Planned, confounders, healthy, jams, losses, others
+from benchmarks._closed_loop import Planned, confounders, healthy, jams, losses, mixed, others
 from benchmarks._flown_results import Result, results
 
 _SURE = 0.95
@@ -143,6 +145,7 @@ def main() -> None:
     parser.add_argument("--healthy-hours", type=float, default=300.0)
     parser.add_argument("--minutes", type=float, default=15.0, help="of one healthy flight")
     parser.add_argument("--share", type=int, default=1, help="fly every such of the faulty flights; 0: none")
+    parser.add_argument("--only", choices=("frozen", "reduced", "other", "mixed", "confounders"))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--keep", type=Path, default=None, help="file of the results so far")
@@ -165,9 +168,10 @@ def main() -> None:
             ("frozen", jams, columns),
             ("reduced", losses, columns),
             ("other", others, ("kind+surface", "streams_hz")),
+            ("mixed", mixed, ("surface", "surface+kind+value", "streams_hz")),
             ("confounders", confounders, ("kind+value", "streams_hz")),
         ):
-            if arguments.share:
+            if arguments.share and arguments.only in (None, title):
                 flights = [*plan(arguments.seed)][:: arguments.share]
                 found(title, [*fly([flown_as(flight) for flight in flights])], keys)
         if arguments.healthy_hours:

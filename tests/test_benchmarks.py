@@ -52,7 +52,7 @@ RUNS: dict[str, list[Small]] = {
             compares={"| condition, unit": Cells(factor=1.1)},
         )
     ],
-    "control": [Small("--no-airspeed --healthy-hours 0.1 --share 0 --jobs 1", slow=True)],
+    "control": [Small("--no-airspeed --healthy-hours 0.1 --share 40 --only mixed --jobs 1", slow=True)],
     "control_history": [Small("--aircraft 1 --flights 1 --tests 1 --jobs 1 --fault none", slow=True)],
     "damaged": [Small("--count 1", slow=True)],
     "decode": [
