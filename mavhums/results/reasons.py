@@ -204,17 +204,15 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "without an airspeed sensor the wind is estimated in turns: the airspeed was known for "
         "{settled_s} s, {reference_s} s are needed",
         "record the airspeed, or fly turns of 90° in the first minutes"),
-    "unexplained": ("its surfaces explain {share} % of how it moves in {axis}, {needed:.0f} % are needed",
-        "{again}"),
-    "steering_unexplained": (
-        "the commands to its steering explain {share} % of how it turns, {needed:.0f} % are needed",
-        "check on the ground that the steering follows its commands, then {again}"),
-    "rudder_unexplained": (
-        "rudder and aileron cannot be separated: the rudder explains {share} % of the side force that the "
-        "ailerons leave, {needed:.0f} % are needed",
-        "pulse the rudder alone for a few seconds early in the flight"),
     "effect_uncertain": (
-        "the effect of its surfaces is known to {error} %, {needed:.0f} % are needed", "{again}"),
+        "the effect of its surfaces is uncertain by {error} %, {allowed:.0f} % is allowed", "{again}"),
+    "steering_uncertain": (
+        "the effect of the commands to its steering is uncertain by {error} %, {allowed:.0f} % is allowed",
+        "check on the ground that the steering follows its commands, then {again}"),
+    "rudder_uncertain": (
+        "rudder and aileron cannot be separated: the effect of the rudder is uncertain by {error} %, "
+        "{allowed:.0f} % is allowed",
+        "pulse the rudder alone for a few seconds early in the flight"),
     "begins_in_flight": (
         "the log begins in flight, and does not show whether control was healthy then",
         "record from before take-off, or compare with earlier flights (--keep)"),

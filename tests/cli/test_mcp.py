@@ -88,8 +88,8 @@ def test_a_subject_is_explained_with_reason_and_advice(folder: Path) -> None:
     assert text.startswith("# EMERGENCY: aileron ")
     assert "**What to do:** do not fly; inspect each surface" in text
     assert "yaw" not in text
-    assert asked(assistant, "explain", log=FROZEN, subject="yaw control")[1].startswith(
-        "# undecided: yaw control not"
+    assert asked(assistant, "explain", log=FROZEN, subject="pitch control")[1].startswith(
+        "# undecided: pitch control not"
     )
     failed, text = asked(assistant, "explain", log=FROZEN, subject="flux capacitor")
     assert failed

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Iterator
 from dataclasses import replace
-from math import sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +36,6 @@ from mavhums.health.axis.reference import (
 )
 from mavhums.health.axis.regressions import FORMS, Basis, Chain, Columns, Shape, Tail, judgeable
 from mavhums.health.axis.thresholds import (
-    EXPLAINED,
     EXTRA_LAGS_S,
     GAIN_ERROR,
     GROUND_SPEED_SHARE,
@@ -192,7 +191,7 @@ class EffectivenessTracker:
         if fit is None or found is None:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
-        if found.explained >= EXPLAINED and found.error <= GAIN_ERROR and found.apart <= JUDGED_ERROR:
+        if found.error <= GAIN_ERROR and found.apart <= JUDGED_ERROR:
             self.reference = found
             self._begin(rows)
 
@@ -223,7 +222,7 @@ class EffectivenessTracker:
             return None
         gain = float(cross.sum()) / total
         variance = float(((cross - gain * drive2) ** 2).sum()) / total
-        error = float(np.sqrt(variance / total)) / abs(gain or np.nan)
+        error = float(np.sqrt(variance / total)) / abs(gain) if gain else inf
         # The reference may lie in quiet air, and the rest of the flight in rough air.
         variance = max(variance, SCORE_SCATTER * gain**2)
         first, last = rows.second + int(inside[0]), rows.second + int(inside[-1]) + 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +53,7 @@ class Reference:
     @property
     def apart(self) -> float:
         """Relative error of the regression's gain: large where another contribution is like the drive."""
-        return float(np.sqrt(self.covariance[0, 0])) / abs(self.gain or np.nan)
+        return float(np.sqrt(self.covariance[0, 0])) / abs(self.gain) if self.gain else inf
 
     @property
     def speed(self) -> float:

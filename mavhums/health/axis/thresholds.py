@@ -31,7 +31,8 @@ LEAST_DRIVE: Final = 0.02
 # Effectiveness that a normal axis has at least: a loss of 40 % is what the test is for.
 NORMAL_EFFECTIVENESS: Final = 0.6
 
-# Largest standard error of an effectiveness that is shown or counted: half of that loss.
+# Largest standard error of an effectiveness that is shown or counted, and of a reference's gain beside the
+# other contributions: half of that loss.
 JUDGED_ERROR: Final = (1.0 - NORMAL_EFFECTIVENESS) / 2.0
 
 # Seconds over which a quiet axis is pooled: longer ones would excuse a loss by what was before it; and those
@@ -130,10 +131,6 @@ LAGS_S: Final = {
     "yaw": (0.0, 0.2),
     "steering": (0.0, 0.1, 0.2, 0.3),
 }
-
-# Share of the response that a reference must explain. Less takes the autopilot's answer to gusts for the
-# aircraft's response (development: four false alarms in yaw at 0.05), more leaves axes unjudged.
-EXPLAINED: Final = 0.3
 
 # Largest relative standard error of a reference's gain. Development: at 0.1 some frozen ailerons are found
 # later (benchmarks/control.py), at 0.06 fewer axes are judged.

@@ -13,7 +13,6 @@ from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.thresholds import (
-    EXPLAINED,
     GAIN_ERROR,
     JUDGED_ERROR,
     LEAST_SPEED_SHARE,
@@ -349,18 +348,12 @@ def _no_reference(findings: AxisFindings, flight: Flight) -> Iterator[Reason]:
         yield Reason("no_reference", reference_s=REFERENCE_S, speeds=speeds, axis=axis, **attitude)
         return
     again = _MOTIONS[axis == STEERING]["again"]
-    if best.explained < EXPLAINED:
-        needed = 100 * EXPLAINED
-        share = beside(100 * best.explained, needed)
-        code = {STEERING: "steering_unexplained", "yaw": "rudder_unexplained"}.get(axis, "unexplained")
-        yield (reason := Reason(code, share=share, axis=axis, needed=needed, again=again))
-        again = reason.remedy
-    if best.error > GAIN_ERROR:
-        needed = 100 * GAIN_ERROR
-        yield Reason("effect_uncertain", error=beside(100 * best.error, needed), needed=needed, again=again)
-    elif best.apart > JUDGED_ERROR:
-        needed = 100 * JUDGED_ERROR
-        yield Reason("effect_uncertain", error=beside(100 * best.apart, needed), needed=needed, again=again)
+    code = {STEERING: "steering_uncertain", "yaw": "rudder_uncertain"}.get(axis, "effect_uncertain")
+    for error, allowed in ((best.error, GAIN_ERROR), (best.apart, JUDGED_ERROR)):
+        if error > allowed:
+            shown = beside(100 * min(error, 1.0), 100 * allowed)
+            yield Reason(code, error=shown, allowed=100 * allowed, again=again)
+            return
 
 
 def to_record(fact: str, flight: Flight, received: Mapping[str, Received]) -> str:

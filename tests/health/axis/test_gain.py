@@ -24,20 +24,21 @@ def lost(at_s: float, left: float, back_s: float = np.inf) -> Callable[[Array], 
 
 
 @pytest.mark.parametrize(
-    ("size", "noise", "ripple", "known"),
+    ("size", "noise", "alone", "known"),
     [
-        (0.15, 0.95, 0.0, True),
-        (0.15, 1.1, 0.0, False),
-        (0.15, 0.0, 0.8, True),
-        (0.15, 0.0, 0.95, False),
-        (0.022, 0.003, 0.0, True),
-        (0.019, 0.003, 0.0, False),
+        (0.15, 0.95, 1.0, True),
+        (0.15, 1.1, 1.0, False),
+        (0.15, 0.1, 0.1, True),
+        (0.15, 0.1, 0.01, False),
+        (0.022, 0.003, 1.0, True),
+        (0.019, 0.003, 1.0, False),
     ],
 )
-def test_what_a_reference_must_show(size: float, noise: float, ripple: float, known: bool) -> None:
-    """Noise makes its gain uncertain, what repeats each second explains more than it; a drive may be weak."""
+def test_what_a_reference_must_show(size: float, noise: float, alone: float, known: bool) -> None:
+    """Noise makes its gain uncertain, and a yaw rate that follows the drive; a drive may be weak."""
     flight = rolling(60, lost(99, 1.0), noise=noise, size=size)
-    flight.roll_rate[:] += ripple * np.sin(2 * np.pi * np.arange(len(flight)) / 20)
+    demand, other = flight.outputs[:, 0], excited(60, seed=5, size=size)
+    flight.yaw_rate[:] = np.concatenate([np.zeros(4), ((1 - alone) * demand + alone * other)[:-4]])
     gain = EffectivenessTracker("roll")
     gain.feed(flight)
     assert (gain.reference is not None) is known
