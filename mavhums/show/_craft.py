@@ -13,7 +13,7 @@ import rerun as rr
 
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
-from mavhums.show._signals import Rows
+from mavhums.show._signals import RowWriter
 from mavhums.show.evidence import Thinner
 from mavhums.show.outline import V_TAIL, Place, kind, places
 from mavhums.show.words import BLUE, YELLOW
@@ -60,7 +60,7 @@ class Part:
 
     shape: type[rr.Boxes3D | rr.Ellipsoids3D] = rr.Ellipsoids3D
 
-    def __init__(self, rows: Rows, path: str):
+    def __init__(self, rows: RowWriter, path: str):
         self._rows, self._path = rows, path
 
     def move(self, time_s: Array, values: Array) -> None:
@@ -76,7 +76,7 @@ class Surface(Part):
 
     shape = rr.Boxes3D
 
-    def __init__(self, rows: Rows, path: str, name: str, place: Place, *, named: bool):
+    def __init__(self, rows: RowWriter, path: str, name: str, place: Place, *, named: bool):
         super().__init__(rows, path)
         self._tick = -1.0
         begin, end = place.span
@@ -111,7 +111,7 @@ class Surface(Part):
             self._rows.put(self._path, time_s[known], rr.Transform3D.columns, rotation_axis_angle=turns)
 
 
-def _motor(rows: Rows, path: str, name: str, bearing_deg: float, radius: float) -> Part:
+def _motor(rows: RowWriter, path: str, name: str, bearing_deg: float, radius: float) -> Part:
     """Draw one motor of a multirotor: an arm, and a disc."""
     turn = -np.radians(bearing_deg)  # the scene's third axis is up
     ahead, left = float(np.cos(turn)), float(np.sin(turn))
@@ -141,7 +141,7 @@ class Craft:
         Surfaces by the actuator's name, motors by theirs.
     """
 
-    def __init__(self, rows: Rows, vehicle: int | None) -> None:
+    def __init__(self, rows: RowWriter, vehicle: int | None) -> None:
         self.root = craft_path(vehicle)
         self.surfaces: dict[str, Part] = {}
         self._rows = rows
@@ -196,7 +196,7 @@ class Vehicle:
         Extent of the track, the larger of north–south and west–east; None before the end.
     """
 
-    def __init__(self, rows: Rows, vehicle: int | None) -> None:
+    def __init__(self, rows: RowWriter, vehicle: int | None) -> None:
         self.craft = Craft(rows, vehicle)
         self.mode_path: str | None = None
         self.position_path: str | None = None

@@ -18,7 +18,7 @@ from mavhums.health.decision.events import Classified, ConditionChanged, Indicat
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums.show._craft import Part, Vehicle, craft_path
-from mavhums.show._signals import Rows
+from mavhums.show._signals import RowWriter
 from mavhums.show._tracks import Track, path_part
 from mavhums.show.blocks import Mark
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
@@ -51,7 +51,7 @@ class Scene:
     """
 
     def __init__(self, stream: rr.RecordingStream, *, live: bool, position: bool) -> None:
-        self._rows, self._position = Rows(stream, live=live), position
+        self._rows, self._position = RowWriter(stream, live=live), position
         self._airframes: dict[int | None, tuple[Airframe, float]] = {}
         self._vehicles: dict[int | None, Vehicle] = {}
         self._tracks: dict[tuple[int | None, str], Track] = {}

@@ -41,7 +41,7 @@ def open_stream(recording_id: str) -> rr.RecordingStream:
     return stream
 
 
-class Rows:
+class RowWriter:
     """Writes rows at flight times to a stream, in chunks: a chunk costs more than its rows.
 
     Parameters
@@ -144,7 +144,7 @@ class Signals:
         Quantities with at least one value.
     """
 
-    def __init__(self, rows: Rows, path: str, moved: Draw) -> None:
+    def __init__(self, rows: RowWriter, path: str, moved: Draw) -> None:
         self.present: set[str] = set()
         self._rows, self._path, self._moved, self._gaps = rows, path, moved, _Gaps()
         self._take = rows.thinned(len(KEYS), _CAPACITY, self._draw)
@@ -227,7 +227,7 @@ class Classes:
         Whether a sample or a window was classified.
     """
 
-    def __init__(self, rows: Rows, path: str) -> None:
+    def __init__(self, rows: RowWriter, path: str) -> None:
         self.any = False
         self._rows, self._path, self._gaps = rows, path, _Gaps()
         self._names: list[str] = [ABSTAINED]
@@ -264,7 +264,7 @@ class Classes:
 class _Lane:
     """Writes classes where they change, and their colours when a new one comes."""
 
-    def __init__(self, rows: Rows, path: str) -> None:
+    def __init__(self, rows: RowWriter, path: str) -> None:
         self._rows, self._path = rows, path
         self._known: list[str] = []
         self._last = ""

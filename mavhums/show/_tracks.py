@@ -18,7 +18,7 @@ from mavhums.health.decision.events import Classified, ConditionChanged, Indicat
 from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import OUTSIDE, Verdict
 from mavhums.show._craft import Part, vehicle_part
-from mavhums.show._signals import ROWS_PER_CHUNK, Classes, Rows, Signals
+from mavhums.show._signals import ROWS_PER_CHUNK, Classes, RowWriter, Signals
 from mavhums.show.event_words import drawn, trace_words
 from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW, axis_levels, levels
 
@@ -91,7 +91,9 @@ class Track:
         Flight time of the latest data.
     """
 
-    def __init__(self, rows: Rows, vehicle: int | None, actuator: str, others: Container[str] = ()) -> None:
+    def __init__(
+        self, rows: RowWriter, vehicle: int | None, actuator: str, others: Container[str] = ()
+    ) -> None:
         self.vehicle, self.actuator = vehicle, actuator
         self.root = f"/{vehicle_part(vehicle)}/{path_part(actuator)}"
         while self.root in others:

@@ -12,7 +12,7 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 from mavhums import analyse
 from mavhums.app.settings import Options
-from mavhums.show._signals import Rows, open_stream
+from mavhums.show._signals import RowWriter, open_stream
 from mavhums.show._tracks import Track
 from tests.engine.test_axes import flown
 from tests.show.test_recording import entities, rows, scalars, static
@@ -114,6 +114,6 @@ def test_where_nothing_is_wrong_what_was_judged_has_the_first_lane(tmp_path: Pat
 
 
 def test_names_that_differ_in_signs_alone_have_lanes_of_their_own() -> None:
-    first = Track(Rows(open_stream("x"), live=False), 1, "left aileron")
-    other = Track(Rows(open_stream("x"), live=False), 1, "left-aileron", {first.root})
+    first = Track(RowWriter(open_stream("x"), live=False), 1, "left aileron")
+    other = Track(RowWriter(open_stream("x"), live=False), 1, "left-aileron", {first.root})
     assert (first.root, other.root) == ("/vehicle_1/left_aileron", "/vehicle_1/left_aileron_")
