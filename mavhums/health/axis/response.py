@@ -26,7 +26,6 @@ from mavhums.health.axis.thresholds import (
     LAGS_S,
     LEAST_ROWS_PER_S,
     LEAST_SPEED_SHARE,
-    PAST_FLIGHTS,
     PAST_RATE_RATIO,
     POOLED_S,
     REFERENCE_S,
@@ -34,6 +33,7 @@ from mavhums.health.axis.thresholds import (
     WINDOW_DEVIATION,
 )
 from mavhums.health.decision.baseline import Baseline, ComparedIndicator
+from mavhums.health.decision.thresholds import LASTING_FLIGHTS
 from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS, WINDOW_S
 from mavhums.results.verdict import Indicator, OwnRecord
@@ -259,7 +259,7 @@ def stretches(own: Sequence[OwnRecord], past: Sequence[Sequence[OwnRecord]]) -> 
     alike = (each for records in past if (each := _record_of(records)) and _alike(record, each))
     references = islice(alike, REFERENCE_FLIGHTS)
     flown = [known for each in references if (known := _Parts.of(each)) and _usable(known, parts)]
-    if len(flown) < PAST_FLIGHTS:
+    if len(flown) < LASTING_FLIGHTS:
         return
     gram = sum(one.grams.sum(axis=0) for one in flown)
     weights = np.linalg.lstsq(gram[:-1, :-1], gram[:-1, -1], rcond=None)[0]
@@ -319,7 +319,9 @@ def _indicator(scores: _Scores, usual: float, variance: float) -> Indicator:
     error = float(np.sqrt(own + WINDOW_DEVIATION**2 / count))
     windows = max(count, 2) * WINDOW_S
     mean = (scores.gain() / usual, error)
-    return Indicator.of_mean("effectiveness", "control gain", "1", mean, windows=windows, needed=PAST_FLIGHTS)
+    return Indicator.of_mean(
+        "effectiveness", "control gain", "1", mean, windows=windows, needed=LASTING_FLIGHTS
+    )
 
 
 def _minutes(seconds: Array) -> Iterator[tuple[int, int]]:

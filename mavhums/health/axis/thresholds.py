@@ -171,9 +171,6 @@ FASTEST_ROLL_DEG_S: Final = 45
 # 22 m/s; what is slower is a lost elevator, or a dive that the pilot wants.
 NOSE_RISES_DEG_S: Final = 5
 
-# Earlier flights that an axis is compared with: fewer tell too little about their scatter.
-PAST_FLIGHTS: Final = 5
-
 # Share of a stream that comes too late from which a reason names it: below, its verdicts hardly change.
 MOST_LATE_SHARE: Final = 0.2
 

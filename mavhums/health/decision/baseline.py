@@ -20,7 +20,6 @@ from mavhums.core.statistics import CENTRAL_95, NORMAL_95, t_quantile
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.decision.thresholds import (
     AXIS_SCATTER_SHARE,
-    DRIFT_LOOKS,
     DRIFT_SPANS_WINDOWS,
     FALSE_ALARMS,
 )
@@ -281,8 +280,8 @@ class Drift:
     def feed(self, value: float, error: float, freedom: float, start_s: float) -> Shift:
         """Add a window that does not overlap the previous one; return the most significant shift."""
         self._windows.append(_SeparateWindow(value - self.baseline.mean, error, freedom, start_s))
-        tail = self._tail / DRIFT_LOOKS
-        shifts = [self._over(span, tail) for span in DRIFT_SPANS_WINDOWS if span <= len(self._windows)]
+        spans = [span for span in DRIFT_SPANS_WINDOWS if span <= len(self._windows)]
+        shifts = [self._over(span, self._tail / len(spans)) for span in spans]  # Bonferroni
         return self._account_for(max(shifts, key=lambda shift: shift.ratio))
 
     def conclude(self, value: float, error: float, freedom: float, start_s: float) -> Shift:

@@ -22,10 +22,6 @@ AXIS_SCATTER_SHARE: Final = 0.07
 # Windows that a drift is sought over: short spans find large changes soon, long ones small changes.
 DRIFT_SPANS_WINDOWS: Final = (1, 2, 3, 5, 8, 13, 21, 34)
 
-# Effective number of independent tests of these overlapping spans; benchmarks/health.py alarms counts what
-# it keeps.
-DRIFT_LOOKS: Final = 4.0
-
 # Largest false-alarm probability of a whole flight, however long it is. By hand.
 MOST_FLIGHT_TAIL: Final = 0.01
 
@@ -73,9 +69,9 @@ NORMAL_S: Final = 30
 MOST_BANK_DEG: Final = 60
 
 # Flights in a row that make something last: for fewer an indicator that grew is an outlier, and the level
-# beside a step is uncertain; as many without a fault end it: five below a limit are a chance of 1 in 32 if
-# half of all flights lie above it (sign test). More keep a repair that nobody recorded on the list for
-# longer.
+# beside a step, or of an axis before a flight, is uncertain; as many without a fault end it: five below a
+# limit are a chance of 1 in 32 if half of all flights lie above it (sign test). More keep a repair that
+# nobody recorded on the list for longer.
 LASTING_FLIGHTS: Final = 5
 
 # Rise of a wear, of an unbalance or of a warming that is worth finding: less is not reported of a rotor or an

@@ -16,13 +16,12 @@ from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     DELAYS_S,
     LAGS_S,
-    PAST_FLIGHTS,
     REFERENCE_S,
     WINDOW_DEVIATION,
 )
 from mavhums.health.decision.conditions import since
 from mavhums.health.decision.limits import MOST_CONFIDENCE
-from mavhums.health.decision.thresholds import NAMED
+from mavhums.health.decision.thresholds import LASTING_FLIGHTS, NAMED
 from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects
 from mavhums.health.verdict.obstacles import why_undecided
@@ -201,7 +200,7 @@ def indicators(findings: AxisFindings) -> Iterator[Indicator]:
         *((fault, *_CONSTANTS[fault], known) for fault, known in reference.constants.items()),
     ]
     for each in measured:
-        yield Indicator.of_mean(*each, windows=REFERENCE_S, needed=PAST_FLIGHTS)
+        yield Indicator.of_mean(*each, windows=REFERENCE_S, needed=LASTING_FLIGHTS)
 
 
 def _lag_error(axis: str) -> float:
