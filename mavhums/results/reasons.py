@@ -210,9 +210,16 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "the effect of the commands to its steering is uncertain by {error} %, {allowed:.0f} % is allowed",
         "check on the ground that the steering follows its commands, then {again}"),
     "rudder_uncertain": (
-        "rudder and aileron cannot be separated: the effect of the rudder is uncertain by {error} %, "
+        "the effect of the rudder is uncertain by {error} %, {allowed:.0f} % is allowed",
+        "pulse the rudder alone for a few seconds early in the flight"),
+    "rudder_inseparable": (
+        "rudder and aileron move together: the effect of the rudder alone is uncertain by {error} %, "
         "{allowed:.0f} % is allowed",
         "pulse the rudder alone for a few seconds early in the flight"),
+    "inseparable": (
+        "{axis} control moves together with the rest of the motion: its own effect is uncertain by "
+        "{error} %, {allowed:.0f} % is allowed",
+        "fly short pulses in {axis} alone, early in the flight"),
     "begins_in_flight": (
         "the log begins in flight, and does not show whether control was healthy then",
         "record from before take-off, or compare with earlier flights (--keep)"),

@@ -1,8 +1,8 @@
 """What a second says for a loss of control effectiveness or a slow servo, and against gusts and manoeuvres.
 
 The response of an axis is y = (1 − λ)·K·d + noise: d is the drive, K the gain of the reference, λ the loss.
-A second's sums give the log-likelihood ratio of each λ, and of each additional lag of d, against the most
-likely kind of health. Health is more than λ = 0:
+A second's sums give the log-likelihood ratio of each λ, and of each additional lag of d, against health, more
+than λ = 0:
 
 - *gusts*: they move the aircraft and, through the autopilot, the surfaces against it, which lowers the gain
   by up to √(R / K²D − u) (Cauchy and Schwarz): R is the response that no gain explains, u the share that is

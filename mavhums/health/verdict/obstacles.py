@@ -348,11 +348,16 @@ def _no_reference(findings: AxisFindings, flight: Flight) -> Iterator[Reason]:
         yield Reason("no_reference", reference_s=REFERENCE_S, speeds=speeds, axis=axis, **attitude)
         return
     again = _MOTIONS[axis == STEERING]["again"]
-    code = {STEERING: "steering_uncertain", "yaw": "rudder_uncertain"}.get(axis, "effect_uncertain")
-    for error, allowed in ((best.error, GAIN_ERROR), (best.apart, JUDGED_ERROR)):
+    by_axis = {STEERING: "steering_uncertain", "yaw": "rudder_uncertain"}
+    uncertain = by_axis.get(axis, "effect_uncertain")
+    inseparable = "rudder_inseparable" if axis == "yaw" else "inseparable"
+    for code, error, allowed in (
+        (uncertain, best.error, GAIN_ERROR),
+        (inseparable, best.apart, JUDGED_ERROR),
+    ):
         if error > allowed:
             shown = beside(100 * min(error, 1.0), 100 * allowed)
-            yield Reason(code, error=shown, allowed=100 * allowed, again=again)
+            yield Reason(code, axis=axis, error=shown, allowed=100 * allowed, again=again)
             return
 
 

@@ -246,7 +246,9 @@ def test_the_numbers_of_a_reason_show_that_it_is_one(short: float) -> None:
     [
         ("roll", 0.08, 0.2, []),
         ("pitch", 0.15, 0.05, ["effect_uncertain"]),
-        ("yaw", 0.05, 0.7, ["rudder_uncertain"]),
+        ("pitch", 0.05, 0.7, ["inseparable"]),
+        ("yaw", 0.15, 0.05, ["rudder_uncertain"]),
+        ("yaw", 0.05, 0.7, ["rudder_inseparable"]),
         ("steering", 0.15, 0.7, ["steering_uncertain"]),
         ("roll", float("inf"), float("inf"), ["effect_uncertain"]),
     ],
