@@ -195,11 +195,11 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "reference, {normal_s} are needed",
         "choose a longer log, or one with more {manoeuvres}"),
     "steering_still": ("in no {reference_s} s of two minutes of driving forward its steering moved",
-        "drive turns in the first three minutes"),
+        "drive turns in the first two minutes"),
     "no_reference": (
         "no {reference_s} s within two minutes were flown within {bank_deg}° of bank, {pitch_deg}° of pitch "
         "and {speeds} % of the usual speed, with the surfaces of {axis} in motion",
-        "fly straight legs and gentle turns in the first three minutes"),
+        "fly straight legs and gentle turns in the first two minutes"),
     "wind_unknown": (
         "without an airspeed sensor the wind is estimated in turns: the airspeed was known for "
         "{settled_s} s, {reference_s} s are needed",

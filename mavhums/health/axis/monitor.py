@@ -17,7 +17,7 @@ from mavhums.health.axis.findings import AxisFindings, origins
 from mavhums.health.axis.reference import Second
 from mavhums.health.axis.residuals import Residual, SideForce
 from mavhums.health.axis.response import ResponseSums
-from mavhums.health.axis.thresholds import GROUND_SPEED_SHARE, JUDGED_ERROR, LATEST_REFERENCE_S, MASKED_S
+from mavhums.health.axis.thresholds import GROUND_SPEED_SHARE, JUDGED_ERROR, LONGEST_REFERENCE_S, MASKED_S
 from mavhums.health.decision.events import ConditionChanged, Indication, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS, NORMAL_S
 from mavhums.health.estimation.random_effects import RunningVariance
@@ -357,7 +357,7 @@ class AxisMonitor:
 
 def _late_s(gain: EffectivenessTracker) -> float | None:
     """Return the flight second at which a late reference ends, which may hold a fault; None of others."""
-    late = gain.reference is not None and gain.usable_s > LATEST_REFERENCE_S
+    late = gain.reference is not None and gain.usable_s > LONGEST_REFERENCE_S
     return float(gain.reference.end_s) if late and gain.reference is not None else None
 
 

@@ -16,10 +16,6 @@ REFERENCE_S: Final = 45
 # Seconds within which a reference is sought, s: older rows are of another phase of the flight. Development.
 LONGEST_REFERENCE_S: Final = 120
 
-# Seconds of forward flight after which a reference is late: it may already hold a fault, so the verdict says
-# from when on it holds. Development.
-LATEST_REFERENCE_S: Final = 180
-
 # Rows of 20 that make a second usable: two thirds, so that one lost sample of a slow stream passes. By
 # hand.
 LEAST_ROWS_PER_S: Final = 14
@@ -43,7 +39,7 @@ POOLED_S: Final = 60
 # Development.
 SHIFT_FLOOR_RAD_S: Final = 0.045
 
-# Seconds over which a shift of the trim and a residual are averaged, and for which a roll must be away: gusts
+# Seconds over which a shift of the trim and a residual are averaged, and for which they must be away: gusts
 # are shorter, a hard-over lasts, and a large step of the command is followed within 2 s. Development.
 SHIFT_S: Final = 3
 
@@ -55,9 +51,6 @@ SKID_SHARES: Final = (0.1, 0.5)
 
 # Deviations of a roll that is beyond what the regression covers. Development, as above.
 UNKNOWN_ROLL_DEVIATIONS: Final = 40.0
-
-# Seconds in a row that a trim or a pitch must be away: one alone may be a gust. Development.
-PERSISTENT_S: Final = 2
 
 # Time between samples beyond which no gain is determined, s: 3 Hz with jitter passes, 2 Hz does not.
 SLOW_STREAM_S: Final = 0.42

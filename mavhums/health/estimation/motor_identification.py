@@ -22,7 +22,6 @@ from mavhums.health.estimation.least_squares import Groups, eliminated, packed, 
 from mavhums.health.estimation.slots import Slots
 from mavhums.health.estimation.thresholds import (
     LEAST_PARTS,
-    MOST_COLUMN_CORRELATION,
     PEAK_EXCEEDED_SHARE,
 )
 from mavhums.results.verdict import Interval, OwnRecord
@@ -219,9 +218,9 @@ def _solved(gram: Array) -> Array | None:
     scale = np.sqrt(np.diag(normal))
     if not (scale > 0.0).all():
         return None
-    alike = normal / np.outer(scale, scale)
-    # Current, speed and drop that always go together cannot be separated.
-    if np.abs(np.triu(alike, 1)).max() > MOST_COLUMN_CORRELATION:
+    # Current, speed and drop that always go together cannot be separated: it is singular, or parts scatter.
+    try:
+        solved: Array = np.linalg.solve(normal / np.outer(scale, scale), right / scale) / scale
+    except np.linalg.LinAlgError:
         return None
-    solved: Array = np.linalg.solve(alike, right / scale) / scale
     return solved

@@ -30,9 +30,6 @@ LEAST_PARTS: Final = 4
 # hand.
 LOAD_SHOWS_ERRORS: Final = 5.0
 
-# Correlation of two columns beyond which current, speed and drop cannot be separated. By hand.
-MOST_COLUMN_CORRELATION: Final = 0.999
-
 # Share of samples that may exceed a sustained peak: a spike is no load. benchmarks/stall.py has what it
 # costs.
 PEAK_EXCEEDED_SHARE: Final = 0.001

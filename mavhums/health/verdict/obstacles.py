@@ -61,7 +61,7 @@ _MOTIONS: Final[tuple[Mapping[str, Any], ...]] = (
         "motion": "forward flight",
         "longer": "forward flight",
         "manoeuvres": "turns and climbs",
-        "again": "fly more turns and climbs in the first three minutes",
+        "again": "fly more turns and climbs in the first two minutes",
     },
     {
         **_SECONDS,
@@ -69,7 +69,7 @@ _MOTIONS: Final[tuple[Mapping[str, Any], ...]] = (
         "motion": "driving forward",
         "longer": "driving forward, with turns",
         "manoeuvres": "turns",
-        "again": "drive more turns in the first three minutes",
+        "again": "drive more turns in the first two minutes",
     },
 )
 """Words for the motion in which an axis, or else the steering, is judged."""

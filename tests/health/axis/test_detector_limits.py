@@ -61,7 +61,9 @@ def test_a_certain_loss_is_an_emergency_where_no_lag_explains_it(
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-@pytest.mark.parametrize(("roll", "side"), [(10.0, 8.0), (3.0, 5.0), (13.0, 3.2), (2.0, 9.0), (None, 31.0)])
+@pytest.mark.parametrize(
+    ("roll", "side"), [(10.0, 8.0), (3.0, 5.0), (13.0, 3.2), (2.0, 9.0), (None, 31.0), (None, 12.0)]
+)
 def test_a_rudder_is_certain_where_it_makes_the_skid_twenty_times_likelier_than_an_aileron(
     roll: float | None, side: float, way: float
 ) -> None:

@@ -1,4 +1,4 @@
-"""A reference that comes after three minutes of forward flight: what it says, and what it must not."""
+"""A reference that comes after two minutes of forward flight: what it says, and what it must not."""
 
 from __future__ import annotations
 

@@ -141,11 +141,15 @@ def test_the_stroke_with_which_a_log_ends_counts() -> None:
     assert len(part.groups) == 4
 
 
-def ramp(deg_s: float, samples: int) -> OwnRecord | None:
-    """Return what a log of one stroke leaves; times are binary fractions, so that speeds are exact."""
+def ramp(deg_s: float, samples: int, bend: float = 0.0) -> OwnRecord | None:
+    """Return what a log of one stroke leaves, half of it faster by a share ``bend``.
+
+    Times are binary fractions, so that speeds are exact.
+    """
     time_s: Array = np.arange(samples) / 32.0
+    later = np.maximum(time_s - time_s[samples // 2], 0.0)
     values = np.full((samples, 12), np.nan)
-    values[:, [column("V1"), column("V3")]] = (deg_s * time_s)[:, None]
+    values[:, [column("V1"), column("V3")]] = (deg_s * (time_s + bend * later))[:, None]
     sums = StrokeSums(ROUGHNESS, blank())
     one = np.array([0])
     sums.feed(Slots(one, one, slice(0, samples), time_s, with_extra_columns(values)))
@@ -164,6 +168,11 @@ def test_a_stroke_is_neither_too_short_nor_too_long() -> None:
     assert [one is not None for one in found] == [False, True, True, False]
     assert found[2] is not None
     assert (found[2].rate_hz, found[2].duration_s) == (32.0, 30.0)
+
+
+@pytest.mark.parametrize(("bend", "steady"), [(0.09, True), (0.11, False)])
+def test_the_speed_of_a_stroke_is_steady_within_a_tenth(bend: float, steady: bool) -> None:
+    assert (ramp(10.0, 160, bend) is not None) == steady
 
 
 def test_a_load_the_other_way_is_another_baseline() -> None:
