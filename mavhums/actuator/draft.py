@@ -28,7 +28,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, Table, decode_blocks
 from mavhums.log.base.decoder import text_of
 from mavhums.vehicle.formats import SERVO_SOURCES, messages_of, reports
-from mavhums.vehicle.formats.base import Report
+from mavhums.vehicle.formats.base import FactReport
 from mavhums.vehicle.parameters import (
     Output,
     Parameters,
@@ -330,7 +330,7 @@ class Drafts:
         return table.select(~np.isin(table.system, [*self._done])) if self._done else table
 
     def _draft(
-        self, vehicle: int, sent: list[Report], telemetry: dict[str, Table], tables: Mapping[str, Table]
+        self, vehicle: int, sent: list[FactReport], telemetry: dict[str, Table], tables: Mapping[str, Table]
     ) -> Draft | None:
         """Take one vehicle's messages up to the first at which its profile can be drafted."""
         known = self._vehicles.setdefault(vehicle, _UnprofiledVehicle())
@@ -358,7 +358,7 @@ class Drafts:
     def _take(
         self,
         known: _UnprofiledVehicle,
-        sent: list[Report],
+        sent: list[FactReport],
         telemetry: dict[str, Table],
         until: int,
         tables: Mapping[str, Table],
@@ -392,7 +392,7 @@ def _first_settled(known: _UnprofiledVehicle, telemetry: Places, parameters: Pla
     return int(settled[0]) if settled.size else None
 
 
-def _of_outputs(tables: Mapping[str, Table]) -> Iterator[Report]:
+def _of_outputs(tables: Mapping[str, Table]) -> Iterator[FactReport]:
     """Yield the parameters of outputs."""
     for report in reports(tables, "parameter"):
         names = map(text_of, report.values["name"].tolist())

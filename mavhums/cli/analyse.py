@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.results.assessment import Assessment
     from mavhums.show.blocks import Block
-    from mavhums.show.headline import Line
+    from mavhums.show.headline import LogLine
 
 
 class _OutcomePrinter(ABC):
@@ -75,7 +75,7 @@ class _TablePrinter(_OutcomePrinter):
         self._recordings = recordings
         self._several = several
         self._whole, self._verbose = verbose or not several, verbose
-        self._lines: list[Line] = []
+        self._lines: list[LogLine] = []
 
     def _judged(self, log: Path, assessment: Assessment) -> None:
         from mavhums.show.answer import blocks, not_normal

@@ -18,7 +18,7 @@ from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import esc_speeds, esc_temperatures, reports
-from mavhums.vehicle.formats.base import Report
+from mavhums.vehicle.formats.base import FactReport
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
 from mavhums.vehicle.rotors import ROTOR_PARAMETERS
@@ -152,7 +152,7 @@ class Axes:
         self._received.add_autopilots(tables)
 
     def _take_parameters(
-        self, axes: VehicleAxes, sent: Report, tables: Mapping[str, Table], signals: Sequence[Signal]
+        self, axes: VehicleAxes, sent: FactReport, tables: Mapping[str, Table], signals: Sequence[Signal]
     ) -> None:
         [vehicle] = np.unique(sent.table.system).tolist()
         seconds = axes.grid.reached_s(sent.table.frame, signals)

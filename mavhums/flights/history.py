@@ -55,7 +55,7 @@ class Quality(NamedTuple):
     log: str
 
 
-class Recording(NamedTuple):
+class FlightRecording(NamedTuple):
     """A vehicle's flight as one log contains it."""
 
     flight: FlightIdentity
@@ -82,7 +82,7 @@ class PastFlight:
     assessment: Assessment
     start: datetime
     end: datetime
-    recordings: tuple[Recording, ...] = ()
+    recordings: tuple[FlightRecording, ...] = ()
 
     @classmethod
     def of(cls, assessment: Assessment) -> PastFlight:
@@ -298,17 +298,17 @@ def with_copies(assessment: Assessment, near: Sequence[PastFlight]) -> Assessmen
     return assessment.model_copy(update={"log": assessment.log.model_copy(update={"copies": named})})
 
 
-def recordings_of(assessment: Assessment) -> tuple[Recording, ...]:
+def recordings_of(assessment: Assessment) -> tuple[FlightRecording, ...]:
     """Return a recording for each vehicle whose flight the log identifies."""
     log = assessment.log
     return tuple(
-        Recording(flight, _quality(assessment, flight.vehicle))
+        FlightRecording(flight, _quality(assessment, flight.vehicle))
         for flight in log.flight
         if flight.board is not None and _is_dated(flight)
     )
 
 
-def superseded_recordings(recordings: Mapping[Key, Recording]) -> dict[Key, Key]:
+def superseded_recordings(recordings: Mapping[Key, FlightRecording]) -> dict[Key, Key]:
     """Return for each recording that does not count the one of the same flight that is taken.
 
     The recordings are considered from the best to the worst; a recording counts unless it is of the same
@@ -324,7 +324,8 @@ def superseded_recordings(recordings: Mapping[Key, Recording]) -> dict[Key, Key]
     --------
     >>> flight = FlightIdentity(vehicle=1, board="0A", boot_utc="2026-01-01T09:00:00+00:00")
     >>> poor, good = Quality(0, 0, 4, True, "b"), Quality(4, 300, 48, False, "a")
-    >>> superseded_recordings({"sent": Recording(flight, poor), "logged": Recording(flight, good)})
+    >>> sent, logged = FlightRecording(flight, poor), FlightRecording(flight, good)
+    >>> superseded_recordings({"sent": sent, "logged": logged})
     {'sent': 'logged'}
     """
     found: dict[Key, Key] = {}
@@ -340,7 +341,7 @@ def superseded_recordings(recordings: Mapping[Key, Recording]) -> dict[Key, Key]
     return found
 
 
-def _candidates(recordings: Mapping[Key, Recording]) -> Iterator[list[Key]]:
+def _candidates(recordings: Mapping[Key, FlightRecording]) -> Iterator[list[Key]]:
     """Yield groups of several recordings whose boot times follow each other closely enough."""
     by_board: dict[tuple[int, str | None], list[tuple[float, Key]]] = defaultdict(list)
     for key, recording in recordings.items():

@@ -20,7 +20,7 @@ from mavhums.engine.events import Event, Notice
 from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.live.alerts import fault_of
 from mavhums.live.outlet import Outlet
-from mavhums.live.session import Sink
+from mavhums.live.session import LiveSink
 from mavhums.live.status import SessionStatus, utc
 from mavhums.results.assessment import RECORD, Assessment
 from mavhums.results.live import (
@@ -56,7 +56,7 @@ _LINES: Final[dict[type, type[WindowObject | ConditionObject | NoticeObject]]] =
 }
 
 
-class DrawingSink(Sink):
+class DrawingSink(LiveSink):
     """Draws in a thread of its own, and drops what waits too long; a failure is reported once, ends nothing.
 
     Of alerts it draws nothing: the change was already drawn.
@@ -114,7 +114,7 @@ class DrawingSink(Sink):
                 _LOG.error("drawing has ended: %s", error, exc_info=_LOG.isEnabledFor(logging.DEBUG))
 
 
-class JsonLines(Sink):
+class JsonLines(LiveSink):
     """Writes each event as an object of ``mavhums/results/schema/live-1.json``.
 
     Parameters
@@ -181,7 +181,7 @@ class JsonLines(Sink):
         self._write(line.model_dump_json(by_alias=True, exclude={"assessment": RECORD}))
 
 
-class PlainLines(Sink):
+class PlainLines(LiveSink):
     """Writes a line when a condition changes, which contains the alert, or an actuator stops reporting."""
 
     def __init__(self, write: Callable[[str], object]) -> None:
@@ -225,7 +225,7 @@ def _changes(events: Sequence[Event]) -> Iterator[tuple[ConditionChanged, str]]:
             yield event, change_line(event.actuator, event.before, event.after, fault_of(event))
 
 
-class View(Sink):
+class View(LiveSink):
     """Shows verdicts, rates, losses and the age of the latest data.
 
     Parameters

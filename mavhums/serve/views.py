@@ -30,7 +30,7 @@ from mavhums.results.live import (
 )
 from mavhums.results.standing import LastFlightOf, TrendReport
 from mavhums.serve.sessions import Dropped
-from mavhums.show.blocks import Block, Cell, Column, Headline, Link, Listing, Mark, Note, Part, Table
+from mavhums.show.blocks import Anchor, Block, Cell, Column, Headline, Listing, Mark, Note, Part, TableBlock
 from mavhums.show.headline import headline
 from mavhums.show.now import latest_line, status_blocks
 from mavhums.show.standing import found_in, mark_of
@@ -55,7 +55,7 @@ class ActuatorView(NamedTuple):
     more: Markup
 
 
-def aircraft_table(rows: Iterable[LastFlightOf]) -> Table:
+def aircraft_table(rows: Iterable[LastFlightOf]) -> TableBlock:
     """Return a row per aircraft; the verdicts come worst first, and so do the aircraft."""
     groups: dict[tuple[str | None, str], list[LastFlightOf]] = {}
     for row in rows:
@@ -67,7 +67,7 @@ def aircraft_table(rows: Iterable[LastFlightOf]) -> Table:
         Column("actuators and axes"),
         Column("last flight", "figure"),
     ]
-    return Table("", columns, [_aircraft(several) for several in groups.values()])
+    return TableBlock("", columns, [_aircraft(several) for several in groups.values()])
 
 
 def _aircraft(rows: Sequence[LastFlightOf]) -> list[Cell]:
@@ -79,7 +79,7 @@ def _aircraft(rows: Sequence[LastFlightOf]) -> list[Cell]:
     well = SEVERITY[found[0].condition] == SEVERITY["normal"]
     address = f"/fleet/aircraft?{urlencode({'name': first.aircraft})}" if first.aircraft else ""
     return [
-        [Link(first.aircraft or f"unknown aircraft ({file})", address)],
+        [Anchor(first.aircraft or f"unknown aircraft ({file})", address)],
         [found[0]],
         "" if well else ": ".join(filter(None, (subject, found_in(verdict, first.standing)))),
         ", ".join(f"{found.count(mark)} {mark.word or mark.condition}" for mark in marks),
@@ -87,7 +87,7 @@ def _aircraft(rows: Sequence[LastFlightOf]) -> list[Cell]:
     ]
 
 
-def tally(shown: Table) -> list[tuple[Mark, int]]:
+def tally(shown: TableBlock) -> list[tuple[Mark, int]]:
     """Return how many rows have which condition in the second column, the gravest first."""
     counts = Counter(cell[0] for _, cell, *_ in shown.rows if isinstance(cell[0], Mark))
     return sorted(counts.items(), key=lambda item: -URGENCY[item[0].condition])
@@ -106,17 +106,22 @@ def flight_pages(aircraft: str, flights: Iterable[Assessment]) -> dict[str, str]
     return {one.log.start_utc or "": _address(aircraft, one) for one in flights}
 
 
-def flight_table(aircraft: str, flights: Sequence[Assessment]) -> Table:
+def flight_table(aircraft: str, flights: Sequence[Assessment]) -> TableBlock:
     """Return a row per flight, the latest first."""
     rows = [_flight(aircraft, one) for one in reversed(flights)]
     columns = [Column("flight"), Column("condition", "word"), Column("finding"), Column("log")]
-    return Table("Flights", columns, rows)
+    return TableBlock("Flights", columns, rows)
 
 
 def _flight(aircraft: str, flight: Assessment) -> list[Cell]:
     brief, when = headline(flight), _date(flight.log.start_utc)
     mark: list[Part] = [brief.mark] if brief.mark else []
-    return [[Link(when, _address(aircraft, flight))], mark, brief.text, PurePath(flight.log.path or "").name]
+    return [
+        [Anchor(when, _address(aircraft, flight))],
+        mark,
+        brief.text,
+        PurePath(flight.log.path or "").name,
+    ]
 
 
 def _address(aircraft: str, flight: Assessment) -> str:

@@ -132,7 +132,7 @@ def _motor(rows: RowWriter, path: str, name: str, bearing_deg: float, radius: fl
     return motor
 
 
-class Craft:
+class CraftModel:
     """The 3-D airframe of one vehicle.
 
     Attributes
@@ -197,7 +197,7 @@ class Vehicle:
     """
 
     def __init__(self, rows: RowWriter, vehicle: int | None) -> None:
-        self.craft = Craft(rows, vehicle)
+        self.craft = CraftModel(rows, vehicle)
         self.mode_path: str | None = None
         self.position_path: str | None = None
         self.extent_deg: float | None = None

@@ -14,7 +14,7 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.verdict import Verdict
-from mavhums.show.blocks import Block, Craft, Curves, Facts, Finding, Headline, Listing, Note, Table
+from mavhums.show.blocks import Block, Craft, Curves, Facts, Finding, Headline, Listing, Note, TableBlock
 from mavhums.show.event_words import event_lines, foremost
 from mavhums.show.headline import advice, headline, judged_vehicles, over_flights, remedy
 from mavhums.show.outline import FIXED_WING, multirotor, outline
@@ -286,7 +286,7 @@ def _network(assessment: Assessment) -> list[str]:
     return [f"{join(names)}: {sentence}" for sentence, names in said.items()]
 
 
-def _tables(assessment: Assessment) -> Iterator[Table]:
+def _tables(assessment: Assessment) -> Iterator[TableBlock]:
     """Yield the reserve of torque, and the use of each vehicle's servos."""
     if torque := reserve(assessment):
         yield torque

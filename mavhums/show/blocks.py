@@ -28,14 +28,14 @@ class Mark(NamedTuple):
         return self.word or condition_word(self.condition)
 
 
-class Link(NamedTuple):
+class Anchor(NamedTuple):
     """A text that leads to an address, where a renderer can follow one."""
 
     text: str
     address: str
 
 
-Part: TypeAlias = str | Mark | Link
+Part: TypeAlias = str | Mark | Anchor
 Cell: TypeAlias = str | list[Part]
 
 
@@ -77,7 +77,7 @@ class Note(NamedTuple):
     quiet: bool = False
 
 
-class Table(NamedTuple):
+class TableBlock(NamedTuple):
     """A table; without rows its title says it all."""
 
     title: str
@@ -93,7 +93,7 @@ class Finding(NamedTuple):
     why: Sequence[str]
     todo: str = ""
     facts: Sequence[tuple[str, str]] = ()
-    table: Table | None = None
+    table: TableBlock | None = None
 
 
 class Listing(NamedTuple):
@@ -133,10 +133,10 @@ class Craft(NamedTuple):
         return "An output that is drawn on both sides moves both, or the log does not name its side." * sides
 
 
-Block: TypeAlias = Headline | Note | Table | Finding | Listing | Facts | Curves | Craft
+Block: TypeAlias = Headline | Note | TableBlock | Finding | Listing | Facts | Curves | Craft
 
 
-def table(title: str, columns: Sequence[Column], rows: Iterable[Sequence[Cell]]) -> Table:
+def table(title: str, columns: Sequence[Column], rows: Iterable[Sequence[Cell]]) -> TableBlock:
     """Return a table without the columns in which no row says anything, but for those that always stay.
 
     Examples
@@ -148,4 +148,4 @@ def table(title: str, columns: Sequence[Column], rows: Iterable[Sequence[Cell]])
     shown = [
         k for k, column in enumerate(columns) if not column.rank or any(row[k] != NOTHING for row in kept)
     ]
-    return Table(title, [columns[k] for k in shown], [[row[k] for k in shown] for row in kept])
+    return TableBlock(title, [columns[k] for k in shown], [[row[k] for k in shown] for row in kept])

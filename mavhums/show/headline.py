@@ -18,7 +18,7 @@ from mavhums.results.assessment import Assessment, Judgeable
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import Evidence, Verdict
-from mavhums.show.blocks import Cell, Column, Headline, Mark, Table
+from mavhums.show.blocks import Cell, Column, Headline, Mark, TableBlock
 from mavhums.show.event_words import gravest_event
 from mavhums.show.standing import mark_of, sentences, since_words, soonest_words
 from mavhums.show.verdict_words import LOSS, course, culprits, is_reliable, kept_percent
@@ -289,7 +289,7 @@ def wingless(subjects: Sequence[Verdict | Judgeable]) -> str | None:
     return f"{(axes.reason or '').partition(':')[0]}: {NOT_JUDGED}"
 
 
-class Line(NamedTuple):
+class LogLine(NamedTuple):
     """One log: its mark (None if it cannot be read), what was found, and its exit code."""
 
     log: Path
@@ -298,15 +298,15 @@ class Line(NamedTuple):
     code: ExitCode
 
 
-def line_of(log: Path, outcome: Assessment | MavhumsError) -> Line:
+def line_of(log: Path, outcome: Assessment | MavhumsError) -> LogLine:
     """Return the line on a log that was judged, or on one that could not be read."""
     if isinstance(outcome, MavhumsError):
-        return Line(log, None, outcome.problem.removeprefix(f"{log}: "), ExitCode.ERROR)
+        return LogLine(log, None, outcome.problem.removeprefix(f"{log}: "), ExitCode.ERROR)
     brief = headline(outcome)
-    return Line(log, brief.mark, brief.text, outcome.exit_code)
+    return LogLine(log, brief.mark, brief.text, outcome.exit_code)
 
 
-def many(lines: Sequence[Line]) -> Table:
+def many(lines: Sequence[LogLine]) -> TableBlock:
     """Return a table of many logs, worst first, in which logs of like gravity keep their order."""
     names = [line.log.name for line in lines]
     rows: list[list[Cell]] = [
@@ -319,8 +319,8 @@ def many(lines: Sequence[Line]) -> Table:
         for line in sorted(lines, key=_place)
     ]
     columns = (Column("log"), Column("worst", "word"), Column("what"), Column("exit", "figure"))
-    return Table("", columns, rows)
+    return TableBlock("", columns, rows)
 
 
-def _place(line: Line) -> tuple[int, int]:
+def _place(line: LogLine) -> tuple[int, int]:
     return GRAVEST_FIRST.index(line.code), -URGENCY[line.worst.condition if line.worst else "undecided"]

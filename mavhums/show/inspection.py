@@ -9,7 +9,7 @@ from mavhums.core.models import Contract
 from mavhums.core.output import printable
 from mavhums.core.quantities import QUANTITIES
 from mavhums.results.assessment import Inspection, Judgeable, VehicleTelemetry
-from mavhums.show.blocks import NOTHING, Block, Cell, Column, Facts, Headline, Listing, Note, Table
+from mavhums.show.blocks import NOTHING, Block, Cell, Column, Facts, Headline, Listing, Note, TableBlock
 from mavhums.show.headline import wingless
 from mavhums.show.tables import usage
 from mavhums.show.words import join, subject_of
@@ -95,14 +95,14 @@ def _messages(inspection: Inspection) -> Iterator[Block]:
         [f"{row.system}/{row.component}", row.name, f"{row.count:,}", f"{row.rate_hz:.2f}"]
         for row in inspection.messages
     ]
-    yield Table("Messages", [Column("sender"), Column("message"), *counts], rows)
+    yield TableBlock("Messages", [Column("sender"), Column("message"), *counts], rows)
     named = [
         [str(row.system), row.name, row.message, f"{row.count:,}", f"{row.rate_hz:.2f}"]
         for row in inspection.named[:_MOST_NAMED]
     ]
     if named:
         columns = [Column("vehicle"), Column("named value"), Column("message"), *counts]
-        yield Table("Named values", columns, named)
+        yield TableBlock("Named values", columns, named)
     if len(inspection.named) > _MOST_NAMED:
         yield Note([f"… and {len(inspection.named) - _MOST_NAMED} more names, which --json lists"])
 
@@ -257,7 +257,7 @@ def _selection(card: Card) -> Iterator[Block]:
         *(Column(title, "figure") for title in ("chi-square", "p", "group")),
         Column("use"),
     ]
-    yield Table("Stages 1 and 2: chi-square, and groups that explain one another", columns, rows)
+    yield TableBlock("Stages 1 and 2: chi-square, and groups that explain one another", columns, rows)
     yield Note(selection.stage_lines(card.features)[1:])
 
 

@@ -9,7 +9,7 @@ from pathlib import PurePath
 from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
-from mavhums.show.blocks import Block, Cell, Facts, Finding, Headline, Link, Listing, Mark, Note, Table
+from mavhums.show.blocks import Anchor, Block, Cell, Facts, Finding, Headline, Listing, Mark, Note, TableBlock
 
 _ACTIVE = re.compile(r"([\\`*\[\]<|])")
 
@@ -63,7 +63,7 @@ def _parts(block: Block) -> Iterator[str]:
         case Facts(title, pairs):
             yield f"## {_literal(title)}"
             yield _list(f"{name}: {value}" for name, value in pairs)
-        case Table():
+        case TableBlock():
             if block.title:
                 yield f"## {_literal(block.title)}"
             if block.rows:
@@ -89,14 +89,14 @@ def _list(lines: Iterable[str]) -> str:
     return "\n".join(f"- {_literal(line)}" for line in lines)
 
 
-def _table(shown: Table) -> str:
+def _table(shown: TableBlock) -> str:
     head = [column.title.replace("\n", " ") for column in shown.columns]
     rows = [head, ["---"] * len(head), *([_cell(cell) for cell in row] for row in shown.rows)]
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
 def _cell(cell: Cell) -> str:
-    parts: Sequence[str | Mark | Link] = [cell] if isinstance(cell, str) else cell
+    parts: Sequence[str | Mark | Anchor] = [cell] if isinstance(cell, str) else cell
     return "".join(
         _mark(part) if isinstance(part, Mark) else _literal(part if isinstance(part, str) else part.text)
         for part in parts

@@ -8,7 +8,7 @@ from mavhums.core.about import NOTICE
 from mavhums.core.conditions import Condition
 from mavhums.results.live import ActuatorStatus, AlertObject, ConditionObject, LinkStatus, StatusObject
 from mavhums.results.verdict import Interval
-from mavhums.show.blocks import NOTHING, Block, Cell, Column, Headline, Mark, Note, Table, table
+from mavhums.show.blocks import NOTHING, Block, Cell, Column, Headline, Mark, Note, TableBlock, table
 from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, condition_word, counted, friction
 
@@ -43,7 +43,7 @@ def status_blocks(status: StatusObject, title: str, latest: Sequence[str] = ()) 
     return [Headline(f"{title}   {clock(status.uptime_s)}"), shown, *_link(status.link), *notes]
 
 
-def _actuators(actuators: Sequence[ActuatorStatus]) -> Table:
+def _actuators(actuators: Sequence[ActuatorStatus]) -> TableBlock:
     rows: list[list[Cell]] = [
         [
             NOTHING if one.vehicle is None else str(one.vehicle),

@@ -13,7 +13,7 @@ from mavhums.core.quantities import QUANTITIES
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.results.verdict import ALL, MEASURED, STALL_SHARES, Indicator, Interval, Verdict
-from mavhums.show.blocks import NOTHING, Block, Cell, Column, Mark, Note, Part, Table, table
+from mavhums.show.blocks import NOTHING, Block, Cell, Column, Mark, Note, Part, TableBlock, table
 from mavhums.show.verdict_words import control_left, course, judged, network_cell
 from mavhums.show.words import clock, friction, join, name, names, percent, place_of
 
@@ -103,7 +103,7 @@ def _columns(*titles: str) -> list[Column]:
     return [*map(Column, titles)]
 
 
-def reserve(assessment: Assessment) -> Table | None:
+def reserve(assessment: Assessment) -> TableBlock | None:
     """Return what torque each actuator had left, as far as its share of stall is known; None if of none."""
     rows: list[list[Cell]] = []
     for verdict in assessment.ranked():
@@ -119,10 +119,10 @@ def reserve(assessment: Assessment) -> Table | None:
         highest, left = percent(torque.estimate), percent(max(1.0 - torque.estimate, 0.0))
         rows.append([name(verdict, assessment), highest, left, friction])
     head = _columns("actuator", "highest sustained", "reserve", "friction (95 %)")
-    return Table("Torque, by that at stall", head, rows) if rows else None
+    return TableBlock("Torque, by that at stall", head, rows) if rows else None
 
 
-def usage(used: VehicleUsage, *, several: bool) -> Table:
+def usage(used: VehicleUsage, *, several: bool) -> TableBlock:
     """Return the use of a vehicle's servos: each surface, or where none is known each output that moved.
 
     Examples
@@ -139,12 +139,12 @@ def usage(used: VehicleUsage, *, several: bool) -> Table:
     title = f"Usage{vehicle}: {'; '.join(filter(None, (who, ', '.join(times))))}"
     if motors := [output for output in used.outputs if output.bearing_deg is not None]:
         head = _columns("motor", "place", "mean output", "highest", "time at full output")
-        return Table(title, head, [_motor(output) for output in motors])
+        return TableBlock(title, head, [_motor(output) for output in motors])
     named = [output for output in used.outputs if output.name]
     head = _columns("output", "span", "total travel", "reversals", "at its stops", "mean (trim)")
     rows = [_row(output) for output in named or used.outputs if output.commanded]
     never = [[_name(o), "never commanded", *[NOTHING] * (len(head) - 2)] for o in named if not o.commanded]
-    return Table(title, head, [*rows, *never])
+    return TableBlock(title, head, [*rows, *never])
 
 
 def _motor(output: OutputUsage) -> list[str]:
@@ -177,7 +177,7 @@ def _row(output: OutputUsage) -> list[str]:
     return [_name(output), span, travelled, str(output.reversals), stops, mean]
 
 
-def indicators(found: Sequence[Indicator]) -> Table | None:
+def indicators(found: Sequence[Indicator]) -> TableBlock | None:
     """Return the estimates over the whole flight, with limits and baselines; None without one."""
     head = [*_columns("over the whole flight", "value (95 %)", "limit"), Column("own baseline", rank=1)]
     rows = [
@@ -203,7 +203,7 @@ def _figure(value: float, interval: Interval) -> str:
     return f"{value:z.{digits}f}"
 
 
-def provenance(assessment: Assessment) -> Iterator[Table]:
+def provenance(assessment: Assessment) -> Iterator[TableBlock]:
     """Yield a table of sources for each group of actuators whose sources differ only in numbers."""
     groups: dict[object, list[Verdict]] = {}
     for verdict in assessment.ranked():
@@ -222,7 +222,7 @@ def provenance(assessment: Assessment) -> Iterator[Table]:
             sources = [source for v in verdicts if (source := v.provenance.get(key))]
             rows.append([quantity, _as_one(sources) if sources else "not in the log"])
         title = f"Where the values of {join(names)} came from{f' (telemetry tier {tier})' if tier else ''}"
-        yield Table(title, [Column("quantity"), Column("source")], rows)
+        yield TableBlock(title, [Column("quantity"), Column("source")], rows)
 
 
 def _as_one(sources: Iterable[str]) -> str:

@@ -15,7 +15,7 @@ from mavhums.core.conditions import SEVERITY
 from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
-from mavhums.show.blocks import Block, Cell, Facts, Finding, Headline, Link, Listing, Mark, Note, Table
+from mavhums.show.blocks import Anchor, Block, Cell, Facts, Finding, Headline, Listing, Mark, Note, TableBlock
 from mavhums.show.words import COLOURS, sign
 
 _GAP = 2
@@ -72,7 +72,7 @@ def parts(shown: Iterable[Block], width: int, encoding: str = "utf-8") -> Iterat
                     yield Text(printable(line), no_wrap=True, overflow="ignore")
             case Finding():
                 yield from _finding(block, width, encoding)
-            case Table():
+            case TableBlock():
                 yield from _table(block, width, encoding)
 
 
@@ -100,7 +100,7 @@ def _indented(line: str) -> Padding:
     return Padding(Text(printable(text)), (0, 0, 0, 2 + len(line) - len(text)), expand=False)
 
 
-def _table(shown: Table, width: int, encoding: str) -> Iterator[RenderableType]:
+def _table(shown: TableBlock, width: int, encoding: str) -> Iterator[RenderableType]:
     """Yield a table with as many columns as the terminal is wide, those of the lowest rank."""
     if shown.title:
         yield Text(printable(shown.title), style="bold")
@@ -143,7 +143,7 @@ def _text(cell: Cell, encoding: str) -> Text:
     parts = [
         _mark(part, encoding)
         if isinstance(part, Mark)
-        else printable(part.text if isinstance(part, Link) else part)
+        else printable(part.text if isinstance(part, Anchor) else part)
         for part in cell
     ]
     return Text.assemble(*parts)

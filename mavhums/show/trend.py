@@ -18,7 +18,7 @@ from mavhums.results.standing import (
     TrendReport,
 )
 from mavhums.results.verdict import Interval
-from mavhums.show.blocks import Block, Cell, Column, Headline, Mark, Note, Table
+from mavhums.show.blocks import Block, Cell, Column, Headline, Mark, Note, TableBlock
 from mavhums.show.evidence import Curve, Limit
 from mavhums.show.html_plot import Chart, chart
 from mavhums.show.standing import growth_words, left_words, sentences, since_words, soonest_words, step_words
@@ -88,7 +88,7 @@ def sparkline(values: Sequence[float]) -> str:
     return "".join(_BARS[round((mean - least) / step)] for mean in means)
 
 
-def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
+def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> TableBlock:
     states = {_subject(one): one for one in report.standings}
     rows: list[list[Cell]] = []
     for one in trends:
@@ -108,7 +108,7 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> Table:
     columns = [Column(trends[0].subject), Column("state", "word"), Column("over the\nflights", "word")]
     figures = ("since\nbaseline", "per\nflight", "flights to\nnext limit")
     columns += [Column(title, "figure") for title in figures]
-    return Table(f"{trends[0].quantity}, {trends[0].unit}", columns, rows)
+    return TableBlock(f"{trends[0].quantity}, {trends[0].unit}", columns, rows)
 
 
 def _by_indicator(state: Condition, one: ActuatorTrend) -> Condition:

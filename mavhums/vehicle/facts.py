@@ -177,7 +177,7 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
 """Least and greatest value of a fact, in its unit; beyond, it is damage or forged.
 
 Wide enough for a wrong unit, which other rules find; narrow enough that nothing computed from it overflows. A
-value outside is not measured: :attr:`mavhums.vehicle.formats.base.Report.values` is the one place.
+value outside is not measured: :attr:`mavhums.vehicle.formats.base.FactReport.values` is the one place.
 """
 
 

@@ -27,7 +27,7 @@ from mavhums.log import Table
 from mavhums.log.base.scanner import is_date
 from mavhums.vehicle.facts import ARDUPILOT, NO_AUTOPILOT, RANGES
 from mavhums.vehicle.formats import messages_of, reports
-from mavhums.vehicle.formats.base import Report
+from mavhums.vehicle.formats.base import FactReport
 from mavhums.vehicle.states import kind_named, texts
 
 IDENTITY_MESSAGES: Final = messages_of("autopilot", "autopilot name", "board", "firmware", "text")
@@ -331,7 +331,7 @@ def _board_in(text: str) -> str | None:
     return f"SITL {ord(match[1] or ' '):02X} {match[2].upper()}" if match else None
 
 
-def _keep_first(known: dict[int, int], report: Report, boots: NDArray[Any]) -> None:
+def _keep_first(known: dict[int, int], report: FactReport, boots: NDArray[Any]) -> None:
     for vehicle, row in zip(*np.unique(report.table.system, return_index=True), strict=True):
         known.setdefault(int(vehicle), int(boots[row]))
 

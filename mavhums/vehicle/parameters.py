@@ -22,7 +22,7 @@ from mavhums.log import Decoder, Table, decode_blocks
 from mavhums.log.base.decoder import text_of
 from mavhums.vehicle.facts import PX4, RANGES
 from mavhums.vehicle.formats import messages_of, reports
-from mavhums.vehicle.formats.base import Report
+from mavhums.vehicle.formats.base import FactReport
 
 PARAMETER_MESSAGES = messages_of("autopilot", "parameter")
 """What :class:`ReceivedParameters` reads."""
@@ -64,7 +64,7 @@ class ReceivedParameters:
                 chosen &= report.table.frame < before
             self.px4.update(report.table.system[chosen].tolist())
 
-    def add_parameters(self, report: Report) -> None:
+    def add_parameters(self, report: FactReport) -> None:
         """Take the rows of a report of the fact ``parameter``."""
         if report.format.AUTOPILOT == PX4:
             self.px4.update(report.table.system.tolist())

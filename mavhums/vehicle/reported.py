@@ -17,7 +17,7 @@ from mavhums.log import Table
 from mavhums.results.sections import EventKind
 from mavhums.vehicle.facts import FAULTS
 from mavhums.vehicle.formats import by_vehicle, messages_of
-from mavhums.vehicle.formats.base import Report, each
+from mavhums.vehicle.formats.base import FactReport, each
 
 _ERRORS: Final = "ESC errors"  # a count; the others are bits
 FAULT_FACTS: Final = (_ERRORS, *FAULTS)
@@ -47,7 +47,7 @@ class Reported:
         if _TEXT.search(text) and not _NO_TEXT.search(text):
             self._note("fault", "the autopilot", f'"{text.strip()}"', np.array([time_s]), np.array([1]))
 
-    def hear(self, report: Report, time_s: Array) -> list[tuple[float, str]]:
+    def hear(self, report: FactReport, time_s: Array) -> list[tuple[float, str]]:
         """Take one of ``FAULT_FACTS``, rows of this vehicle alone, and their flight times, s, shape (n,).
 
         Returns

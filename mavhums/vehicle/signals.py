@@ -25,7 +25,7 @@ from mavhums.core.arrays import Array, Integers
 from mavhums.log import Table
 from mavhums.vehicle.facts import SIGNALS, STEPPED, Signal
 from mavhums.vehicle.formats import by_vehicle, messages_of, reports
-from mavhums.vehicle.formats.base import Report, Source, wide
+from mavhums.vehicle.formats.base import FactReport, Source, wide
 from mavhums.vehicle.states import kind_named, texts
 
 SIGNAL_MESSAGES: Final = messages_of(*SIGNALS, "armed", "arming", "mode", "text", "parameter")
@@ -71,7 +71,7 @@ class SignalReader:
                 times, stamped = (own.table.frame, own.table.time_us), own.format.is_stamped(own.table)
                 yield Signal(vehicle, source.fact, source.message, *times, own.values, stamped, own.rank)
 
-    def _choose(self, parts: list[tuple[int, Report]]) -> None:
+    def _choose(self, parts: list[tuple[int, FactReport]]) -> None:
         """Choose for each signal the message and its sender that came first, whatever block they came in."""
         firsts: dict[tuple[int, str], int] = {}
         for vehicle, report in parts:
@@ -97,7 +97,7 @@ class SignalReader:
             for vehicle, number in zip(report.table.system.tolist(), report.values[:, 3], strict=True):
                 self._modes[vehicle] = float(number)
 
-    def _between_armings(self, tables: Mapping[str, Table], modes: list[Report]) -> Iterator[Signal]:
+    def _between_armings(self, tables: Mapping[str, Table], modes: list[FactReport]) -> Iterator[Signal]:
         """Yield the states of vehicles that record only when they arm, whenever outputs come."""
         changes = [*reports(tables, "arming")]
         for vehicle, part in by_vehicle(tables, "outputs") if changes or self._arming else ():
@@ -118,7 +118,7 @@ class SignalReader:
             last = zip(report.table.system.tolist(), report.values.tolist(), strict=True)
             self._arming |= {vehicle: tuple(value) for vehicle, value in last}
 
-    def _state(self, vehicle: int, armed: Report, values: Array, modes: list[Report]) -> Signal:
+    def _state(self, vehicle: int, armed: FactReport, values: Array, modes: list[FactReport]) -> Signal:
         frame = armed.table.frame
         since, kind = self._kinds.get(vehicle, (0, np.nan))
         frames, numbers = [np.array([-1])], [np.array([self._modes.get(vehicle, np.nan)])]

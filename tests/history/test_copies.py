@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.flights.history import PastFlight, Quality, Recording, superseded_recordings, with_copies
+from mavhums.flights.history import FlightRecording, PastFlight, Quality, superseded_recordings, with_copies
 from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store
 from mavhums.flights.store.earlier import StoredFlights
@@ -30,8 +30,10 @@ from tests.flights import START, flown, identity, shown, verdict
 LATER = START + timedelta(days=10_000)
 
 
-def recording(flight: FlightIdentity, decidable: int = 100, log: str = "a", judged: int = 4) -> Recording:
-    return Recording(flight, Quality(judged, decidable, 12, True, log))
+def recording(
+    flight: FlightIdentity, decidable: int = 100, log: str = "a", judged: int = 4
+) -> FlightRecording:
+    return FlightRecording(flight, Quality(judged, decidable, 12, True, log))
 
 
 @pytest.mark.parametrize(
@@ -73,7 +75,7 @@ def test_the_recording_with_more_to_judge_is_taken() -> None:
     ]
     for better, worse in itertools.combinations(order, 2):
         found = superseded_recordings(
-            {"worse": Recording(flight, worse), "better": Recording(flight, better)}
+            {"worse": FlightRecording(flight, worse), "better": FlightRecording(flight, better)}
         )
         assert found == {"worse": "better"}
 

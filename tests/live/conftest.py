@@ -17,7 +17,7 @@ from mavhums.learn import packaged_models
 from mavhums.live.alerts import Alerts, Signer
 from mavhums.live.links import ReceiveClock
 from mavhums.live.outlet import TlogRecorder
-from mavhums.live.session import GroundStation, Session, Sink
+from mavhums.live.session import GroundStation, LiveSink, Session
 from mavhums.live.status import Peers, Reception
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
@@ -32,7 +32,7 @@ from mavhums_sim.telemetry import messages
 KEY = bytes(range(32))
 
 
-class Shown(Sink):
+class Shown(LiveSink):
     """Keeps what a session shows."""
 
     def __init__(self) -> None:

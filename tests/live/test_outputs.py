@@ -23,7 +23,7 @@ import mavhums
 from mavhums.actuator.mapping import Samples
 from mavhums.cli.live import StopSignal
 from mavhums.live.outlet import Outlet, Spool
-from mavhums.live.session import Sink
+from mavhums.live.session import LiveSink
 from mavhums.live.sinks import DrawingSink
 from mavhums.log.mavlink.stamping import Piece
 from tests.live.conftest import Rig
@@ -86,7 +86,7 @@ def test_a_program_without_an_output_runs() -> None:
         spool.fileno()
 
 
-class Hanging(Sink):
+class Hanging(LiveSink):
     """A viewer that hangs in the first call."""
 
     def __init__(self) -> None:

@@ -20,7 +20,7 @@ from mavhums.results.standing import (
 from mavhums.results.verdict import Suspect, Verdict
 from mavhums.serve.pages import render, trends
 from mavhums.serve.views import aircraft_table, flight_pages, flight_table, tally, trends_shown
-from mavhums.show.blocks import Link, Mark
+from mavhums.show.blocks import Anchor, Mark
 from tests.flights import flown, growth, left, shown, standing
 from tests.flights import verdict as judged
 
@@ -52,16 +52,16 @@ def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
     ]
     shown = aircraft_table(rows)
     first, unknown, other, well = shown.rows
-    assert first[0] == [Link("D-B", "/fleet/aircraft?name=D-B")]
+    assert first[0] == [Anchor("D-B", "/fleet/aircraft?name=D-B")]
     assert first[1:] == [
         [Mark("emergency")],
         "elevator: suspected: hard over",
         "1 emergency, 1 normal",
         "2026-01-01 09:00 UTC",
     ]
-    assert unknown[0] == [Link("unknown aircraft (a.tlog)", "")]
+    assert unknown[0] == [Anchor("unknown aircraft (a.tlog)", "")]
     assert unknown[2:] == ["rudder: too slow", "1 undecided", "date not known"]
-    assert other[0] == [Link("unknown aircraft (c.tlog)", "")]
+    assert other[0] == [Anchor("unknown aircraft (c.tlog)", "")]
     assert well[2] == ""
     assert tally(shown) == [(Mark("emergency"), 1), (Mark("undecided"), 2), (Mark("normal"), 1)]
 
@@ -90,7 +90,7 @@ def test_flights_come_latest_first_and_lead_to_their_reports() -> None:
     flights = [flown(verdict("rudder", "normal"), day=day, name=f"/store/{day}") for day in (0, 1)]
     last, first = flight_table("D & A", flights).rows
     address = f"/fleet/flight?aircraft=D+%26+A&log={flights[1].log.sha256}"
-    assert last[:2] == [[Link("2026-03-02 09:00 UTC", address)], [Mark("normal")]]
+    assert last[:2] == [[Anchor("2026-03-02 09:00 UTC", address)], [Mark("normal")]]
     assert first[3] == "0.tlog"
     assert flight_pages("D & A", flights)["2026-03-02T09:00:00+00:00"] == address
 

@@ -18,16 +18,16 @@ from mavhums.show import html as html_report
 from mavhums.show import markdown_report, terminal
 from mavhums.show.answer import blocks
 from mavhums.show.blocks import (
+    Anchor,
     Block,
     Cell,
     Facts,
     Finding,
     Headline,
-    Link,
     Listing,
     Mark,
     Note,
-    Table,
+    TableBlock,
 )
 from mavhums.show.evidence import EvidenceCollector
 
@@ -44,7 +44,7 @@ def shown(assessment: Assessment) -> list[Block]:
     gathered = EvidenceCollector()
     gathered.consume([Notice(1.0, 1, "ArduPlane V4.6.0")])
     found = blocks(whole, gathered=gathered)
-    assert {type(block) for block in found} >= {Facts, Finding, Headline, Listing, Note, Table}
+    assert {type(block) for block in found} >= {Facts, Finding, Headline, Listing, Note, TableBlock}
     return found
 
 
@@ -59,7 +59,7 @@ def texts(block: Block) -> Iterator[str]:
         case Finding(title, _, why, todo, facts, table):
             yield from (title, *why, todo, *(text for pair in facts for text in pair))
             yield from texts(table) if table else ()
-        case Table(title, columns, rows):
+        case TableBlock(title, columns, rows):
             yield title
             yield from (column.title for column in columns)
             yield from (text for row in rows for cell in row for text in of_cell(cell))
@@ -67,7 +67,7 @@ def texts(block: Block) -> Iterator[str]:
 
 def of_cell(cell: Cell) -> Iterator[str]:
     for part in [cell] if isinstance(cell, str) else cell:
-        yield part.text if isinstance(part, Mark | Link) else part
+        yield part.text if isinstance(part, Mark | Anchor) else part
 
 
 def flat(text: str) -> str:

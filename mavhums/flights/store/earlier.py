@@ -16,9 +16,9 @@ from sqlalchemy import Connection, func, select
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import Since, latest
 from mavhums.flights.history import (
+    FlightRecording,
     PastFlight,
     Quality,
-    Recording,
     baselines_of,
     is_healthy,
     kept_records,
@@ -106,7 +106,7 @@ def past_flights(
         # not validated again: the verdicts are parsed, or have what is asked for alone
         assessment = Assessment.model_construct(log=log, airframe=airframe, model=None, verdicts=verdicts)
         end = start + timedelta(seconds=duration_s)
-        recordings = tuple(Recording(identity, quality) for identity, quality in recorded if quality)
+        recordings = tuple(FlightRecording(identity, quality) for identity, quality in recorded if quality)
         yield PastFlight(assessment, start, end, recordings=recordings)
 
 

@@ -19,7 +19,13 @@ from mavhums.core.conditions import URGENCY
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.aircraft import UNKNOWN, AircraftTable, Since
 from mavhums.flights.compare import compared, unpacked
-from mavhums.flights.history import PastFlight, Recording, kept_records, recordings_of, superseded_recordings
+from mavhums.flights.history import (
+    FlightRecording,
+    PastFlight,
+    kept_records,
+    recordings_of,
+    superseded_recordings,
+)
 from mavhums.flights.store.database import (
     AIRCRAFT,
     FLIGHT,
@@ -189,9 +195,9 @@ def _choose_recordings(connection: Connection, flights: Sequence[int]) -> None:
     asked = select(RECORDING, FLIGHT.c.airframe, FLIGHT.c.aircraft_id).join(
         FLIGHT, FLIGHT.c.id == RECORDING.c.flight_id
     )
-    by_airframe: dict[object, dict[tuple[int, int], Recording]] = defaultdict(dict)
+    by_airframe: dict[object, dict[tuple[int, int], FlightRecording]] = defaultdict(dict)
     for row in connection.execute(asked.where(window)):
-        recording = Recording(
+        recording = FlightRecording(
             FlightIdentity.model_validate_json(row.identity), QUALITY.validate_json(row.quality)
         )
         by_airframe[row.airframe, row.aircraft_id][row.flight_id, row.vehicle] = recording

@@ -45,7 +45,7 @@ _REFINED_S: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Loss:
+class ThrustLoss:
     """A motor's loss of thrust: when it was decided, since when, and the share lost.
 
     Attributes
@@ -91,7 +91,7 @@ class MotorFindings:
     """
 
     rotors: Rotors
-    loss: Loss | None
+    loss: ThrustLoss | None
     several: tuple[int, ...]
     flown_s: float
     judged_s: float
@@ -99,7 +99,7 @@ class MotorFindings:
     bound: tuple[float, ...]
     indicators: tuple[tuple[Indicator, ...], ...]
     cause: SpeedCause | None = None
-    withdrawn: tuple[Loss, float] | None = None
+    withdrawn: tuple[ThrustLoss, float] | None = None
 
 
 class Trims:
@@ -125,7 +125,7 @@ class Trims:
         self._block.clear()
         self._latest.clear()
 
-    def refutes(self, loss: Loss) -> bool:
+    def refutes(self, loss: ThrustLoss) -> bool:
         """Return whether the blocks since the alarm show less than half of a loss, each by itself."""
         weights = self._weights(loss.motor - 1)
         shown = [float(weights @ (effort - self._before)) for effort in self._latest]
@@ -203,8 +203,8 @@ class MotorMonitor:
         self._trims = Trims(rotors.columns)
         speeds, self._vibration, self._heating = heard or (EscSpeeds(), RotorVibration(), EscHeating())
         self._speeds = SpeedsBesideThrust(speeds, rotors.servos)
-        self._loss: Loss | None = None
-        self._withdrawn: tuple[Loss, float] | None = None
+        self._loss: ThrustLoss | None = None
+        self._withdrawn: tuple[ThrustLoss, float] | None = None
         self._several: tuple[int, ...] = ()
         self._reported: Condition = "undecided"
 
@@ -299,7 +299,7 @@ class MotorMonitor:
         # A row lies between two samples: it is known when the later one has come.
         time_s = row_s + min(spacing_s, 1.0)
         share = Interval(estimate=float(found[3]), low=float(found[4]), high=float(found[5]))
-        new = Loss(motor, time_s, float(onset_s), share, float(found[2]))
+        new = ThrustLoss(motor, time_s, float(onset_s), share, float(found[2]))
         loss = self._loss
         if self._several:
             return
@@ -313,11 +313,11 @@ class MotorMonitor:
                 yield self._doubted(loss, time_s)
         elif time_s - loss.time_s < _REFINED_S and share.estimate > loss.share.estimate:
             since_s = min(loss.since_s, new.since_s)
-            self._loss = Loss(motor, loss.time_s, since_s, share, new.odds)
+            self._loss = ThrustLoss(motor, loss.time_s, since_s, share, new.odds)
             if SEVERITY[condition_of(share)] > SEVERITY[self._reported]:
                 yield self._changed(self._loss, time_s)
 
-    def _changed(self, loss: Loss, time_s: float | None = None) -> ConditionChanged:
+    def _changed(self, loss: ThrustLoss, time_s: float | None = None) -> ConditionChanged:
         before, self._reported = self._reported, condition_of(loss.share)
         low, high = 100 * loss.share.low, 100 * loss.share.high
         return ConditionChanged(
@@ -333,7 +333,7 @@ class MotorMonitor:
             f"lost {100 * loss.share.estimate:.0f} % of thrust",
         )
 
-    def _doubted(self, loss: Loss, time_s: float) -> ConditionChanged:
+    def _doubted(self, loss: ThrustLoss, time_s: float) -> ConditionChanged:
         """Return the change where another motor stands out, too: what was found stays, the motor is open."""
         before, self._reported = self._reported, "emergency"
         return ConditionChanged(

@@ -23,7 +23,7 @@ from mavhums.health.decision.baseline import Baseline, ComparedIndicator, with_b
 from mavhums.health.decision.conditions import since
 from mavhums.health.decision.thresholds import MOST_BANK_DEG, MOST_FLIGHT_TAIL, NORMAL_S, USEFUL_RISE
 from mavhums.health.motor.heating import HEATING
-from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings, condition_of
+from mavhums.health.motor.monitor import TRIM, TRIM_YAW, MotorFindings, ThrustLoss, condition_of
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import (
     BETWEEN_FLIGHTS,
@@ -89,7 +89,7 @@ def verdicts_of_motors(
         yield unjudged(vehicle, MOTORS, *why, subject="motor")
 
 
-def _lost(vehicle: int, findings: MotorFindings, loss: Loss, start_utc: datetime) -> Verdict:
+def _lost(vehicle: int, findings: MotorFindings, loss: ThrustLoss, start_utc: datetime) -> Verdict:
     several, share = findings.several, loss.share
     condition = "emergency" if several else condition_of(share)
     which = f"motor {loss.motor} first " if several else ""

@@ -19,8 +19,8 @@ from mavhums.vehicle.formats import dataflash, mavlink, ulog
 from mavhums.vehicle.formats.base import (
     ANY,
     RATES,
+    FactReport,
     FormatModule,
-    Report,
     ServoSource,
     Source,
     bounded,
@@ -76,7 +76,7 @@ def message_of(fact: str, form: str) -> str:
     return next(source.message for known, source in _sources((fact,)) if form == known.NAME)
 
 
-def reports(tables: Mapping[str, Table], *facts: str) -> Iterator[Report]:
+def reports(tables: Mapping[str, Table], *facts: str) -> Iterator[FactReport]:
     """Yield the rows of these tables that carry any of these facts."""
     for form, source in _sources(facts):
         table = tables.get(source.message)
@@ -85,12 +85,12 @@ def reports(tables: Mapping[str, Table], *facts: str) -> Iterator[Report]:
         if source.rows is not None:
             with np.errstate(all="ignore"):
                 table = table.select(source.rows(table))
-        report = Report(source, form, table).within_range()
+        report = FactReport(source, form, table).within_range()
         if len(report.table):
             yield report
 
 
-def by_vehicle(tables: Mapping[str, Table], *facts: str) -> Iterator[tuple[int, Report]]:
+def by_vehicle(tables: Mapping[str, Table], *facts: str) -> Iterator[tuple[int, FactReport]]:
     """Yield each vehicle's rows of these tables that carry any of these facts."""
     for report in reports(tables, *facts):
         for vehicle, rows in each(report.table.system):

@@ -138,7 +138,7 @@ class FormatModule(Protocol):
         ...
 
 
-class Report(NamedTuple):
+class FactReport(NamedTuple):
     """The rows of one table that carry a fact."""
 
     source: Source
@@ -153,7 +153,7 @@ class Report(NamedTuple):
             values = self.source.values(self.table)
         return bounded(self.source.fact, values) if values.dtype.kind == "f" else values
 
-    def within_range(self) -> Report:
+    def within_range(self) -> FactReport:
         """Return the rows whose whole numbers, which cannot be NaN, are in the fact's range."""
         values = self.values
         if values.dtype.kind not in "iu" or self.source.fact not in RANGES:
@@ -180,7 +180,7 @@ class Report(NamedTuple):
         """The values as texts."""
         return [text_of(value) for value in self.values.tolist()]
 
-    def select(self, rows: NDArray[Any]) -> Report:
+    def select(self, rows: NDArray[Any]) -> FactReport:
         """Return the rows that a mask or an index array selects."""
         return self._replace(table=self.table.select(rows))
 

@@ -13,7 +13,7 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.motor.heating import HEATING
-from mavhums.health.motor.monitor import TRIM, TRIM_YAW, Loss, MotorFindings
+from mavhums.health.motor.monitor import TRIM, TRIM_YAW, MotorFindings, ThrustLoss
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
@@ -25,7 +25,7 @@ from tests.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 assert isinstance(QUAD, Rotors)
-LOSS = Loss(2, 41.239, 40.123, Interval(estimate=0.4004, low=0.2996, high=0.6004), 3.0)
+LOSS = ThrustLoss(2, 41.239, 40.123, Interval(estimate=0.4004, low=0.2996, high=0.6004), 3.0)
 FINDINGS = MotorFindings(QUAD, None, (), 90.0, 60.0, False, (0.1, 0.31, 0.2, 0.0), ((), (), (), ()))
 
 
