@@ -139,6 +139,8 @@ def _delays(name: str, record: FlightRecord, *, baselines: Known | None, crossed
     delays = []
     for one in judge(name, record, baselines=baselines):
         alarms_s = [c.time_s for c in one.changes if c.after in ("degraded", "emergency")]
+        if not alarms_s and one.findings.suspects:
+            alarms_s = [one.findings.last_s]  # what the whole flight shows beside the earlier ones
         delay = (alarms_s[0] - crossed_s) * one.truth["moving"] if alarms_s else np.inf
         delays.append(float(delay))
     return delays

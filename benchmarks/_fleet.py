@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
@@ -13,12 +14,14 @@ from numpy.typing import NDArray
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, load_airframe
+from mavhums.actuator.telemetry import tier_named
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
-from mavhums.flights.compare import ActuatorComparison
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
+from mavhums.health.actuator.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.events import ConditionChanged, Window
+from mavhums.health.verdict.actuator import verdict_of_actuator
 from mavhums_sim import EmaParameters, Flight, FlightRecord
 from mavhums_sim.campaign import PAPER_FRICTION_NM, consume
 from mavhums_sim.conditions import Condition
@@ -33,6 +36,7 @@ ACTUATORS = {actuator.name: actuator for actuator in load_airframe("paper").actu
 SURFACES = tuple(ACTUATORS)
 MODES = ("takeoff", "cruise", "turns", "gusts", "landing")
 _CSRV = [0, 2, 9, 10]  # V1, V3, V10, V11
+START = datetime(2026, 1, 1, tzinfo=UTC)
 _SEED = 70_000_000  # training and the study use seeds below ten million
 
 
@@ -152,24 +156,12 @@ def judge(
     judged = []
     for surface, flown in record.actuators.items():
         actuator = ACTUATORS[surface]
-        monitor, comparison = (
-            Monitor(1, actuator),
-            ActuatorComparison(known.get(surface, {})),
-        )
+        monitor = Monitor(1, actuator)
         times, values = quantities(flown, actuator, tier)
         unsigned = magnitudes(flown, tier)
-        alone = [*monitor.feed(times, values, measured(tier, times.size), magnitudes=unsigned)]
-        alone += monitor.finish()
-        events = [after for event in alone for after in comparison.follow(event)]
-        found = comparison.findings(monitor.record(whole=True))
-        findings = replace(
-            monitor.findings(),
-            condition=found.condition,
-            worst=found.worst,
-            since_s=found.since_s,
-            suspects=found.suspects,
-            evidence=found.evidence,
-        )
+        events = [*monitor.feed(times, values, measured(tier, times.size), magnitudes=unsigned)]
+        events += monitor.finish()
+        findings = compared(monitor.findings(), actuator, known.get(surface, {}))
         windows = tuple(event for event in events if isinstance(event, Window))
         changes = tuple(event for event in events if isinstance(event, ConditionChanged))
         truth = {
@@ -179,6 +171,34 @@ def judge(
         }
         judged.append(Judged(surface, findings, windows if keep_windows else (), changes, truth))
     return judged
+
+
+def compared(
+    findings: ActuatorFindings, actuator: Actuator, baselines: Mapping[str, Baseline]
+) -> ActuatorFindings:
+    """Return the findings of a flight after the comparison with the actuator's own baselines."""
+    verdict = verdict_of_actuator(
+        1,
+        actuator,
+        findings,
+        start_utc=START,
+        end_s=findings.last_s,
+        late=0,
+        implausible={},
+        provenance={},
+        tier=tier_named("instrumented"),
+    )
+    found = compare_with_earlier_flights(verdict, baselines, start_utc=START, end_s=findings.last_s)
+    return replace(
+        findings,
+        condition=found.condition,
+        worst=found.worst,
+        since_s=found.since.flight_time_s if found.since else None,
+        suspects=found.suspects,
+        evidence=found.evidence,
+        indicators=found.indicators,
+        coverage=found.coverage,
+    )
 
 
 def fly_all(

@@ -126,7 +126,7 @@ def row_of(aircraft: str, number: int, start: datetime, verdicts: list[Verdict])
     )  # fmt: skip
     flight = Assessment(log=log, airframe="paper", model=None, verdicts=tuple(verdicts))
     start_us = round(start.timestamp() * 1e6)
-    data = packed(StandaloneAssessment(flight, {}, {}))
+    data = packed(StandaloneAssessment(flight, {}))
     row = Row(
         log.path or "", 1, 1, "", aircraft, log.sha256, start_us=start_us, duration_s=900.0, flight=data
     )

@@ -57,7 +57,7 @@ from tests.flights import START, flown, identity, shown, verdict
 from tests.health.axis import test_origin
 from tests.health.axis.flights import rolling, rows, turning
 from tests.health.axis.test_detectors import controlled
-from tests.health.decision import test_drift, test_growth
+from tests.health.decision import test_growth
 from tests.health.motor import test_monitor, test_past
 from tests.health.self_baseline import test_own_judge, test_own_power, test_stall, test_strokes
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
@@ -124,14 +124,12 @@ LOGS: dict[str, Callable[[Path], Path]] = {
 
 @pytest.mark.parametrize("name", LOGS)
 def test_of_a_log(name: str, tmp_path: Path) -> None:
-    options = dataclasses.replace(Options().resolved(), vehicle_states=True, recorded=True)
+    options = dataclasses.replace(Options().resolved(), vehicle_states=True)
     engine = Engine(options)
     path = LOGS[name](tmp_path)
     events = [event for block in read_blocks(path) for event in engine.feed(block)]
     events += engine.finish()
-    flight = StandaloneAssessment(
-        engine.assessment(str(path)), engine.records(), engine.profiles(), options.false_alarms
-    )
+    flight = StandaloneAssessment(engine.assessment(str(path)), engine.profiles(), options.false_alarms)
     beside = compared(flight, lambda *_: baselines_about(flight, [0.0, 0.05, 0.5], 1e-3))
     found = {"alone": json.loads(zlib.decompress(packed(flight))), "compared": dumped(beside.verdicts)}
     found = without_cross_products(found)
@@ -269,11 +267,6 @@ def test_of_motors(name: str) -> None:
     shown = {part: dumped(getattr(found, part)) for part in parts}
     sums = {part: getattr(state, part).tolist() for part in ("noise", "weight", "bound", "recent", "values")}
     hold(f"motors {name}", {"found": shown, "state": dumped(sums), "events": condensed(events)})
-
-
-def test_of_a_drift() -> None:
-    values = 0.22 + np.repeat([0.0, 0.02, 0.004, 0.06], 12) + np.tile([-0.004, 0.003, 0.002], 16)
-    hold("drift", dumped([list(shift) for shift in test_drift.follow(values)[1]]))
 
 
 def own() -> Iterator[tuple[str, Any]]:

@@ -6,7 +6,7 @@ import hashlib
 import os
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple, Unpack
@@ -19,11 +19,8 @@ from mavhums.engine.events import StandaloneAssessment
 from mavhums.engine.options import EngineOptions
 from mavhums.log import read_blocks
 from mavhums.results.assessment import Assessment
-from mavhums.results.sections import NOT_COMPARED
 
 if TYPE_CHECKING:
-    from mavhums.flights.compare import FlightComparison
-    from mavhums.flights.landing import OwnFlights
     from mavhums.results.assessment import Assessment
 from mavhums.app.sinks import Follower, Place, Recording, Report, Sink, sha256_of
 
@@ -43,14 +40,14 @@ class Judged(NamedTuple):
     assessment
         Its verdicts, compared with the earlier flights.
     alone
-        The flight before the comparison; None where only its sinks followed it.
+        The flight before the comparison.
     error
         Why it could not be kept; None if it was, or was not to be.
     """
 
     log: Path
     assessment: Assessment
-    alone: StandaloneAssessment | None = None
+    alone: StandaloneAssessment
     error: MavhumsError | None = None
 
 
@@ -116,23 +113,14 @@ def judge(
     try:
         if settings.keep and is_stream(log):
             raise MavhumsError(f"{log}: a store names logs by their files", "save the log first")
-        once = bool(sinks) and is_stream(log)
-        alone = None
-        if not sinks or (settings.store is not None and not once):
-            alone = analyse_alone(log, settings.engine, progress=progress)
-        judged, own = among_own(path, alone, settings) if alone is not None else (None, None)
-        if not sinks and judged is not None:
-            return judged
-        if any(sink.draws for sink in sinks):
-            settings = settings.with_vehicle_states()
+        draws = any(sink.draws for sink in sinks)
+        options = settings.with_vehicle_states().engine if draws else settings.engine
         with ExitStack() as stack:
-            followers = [stack.enter_context(sink.follow(path, settings.engine.dialect)) for sink in sinks]
-            assessment = _followed(log, settings, own, followers, progress)
-            if once and settings.store is not None:
-                assessment = assessment.with_notice(f"{NOT_COMPARED}: a stream can be read only once")
+            followers = [stack.enter_context(sink.follow(path, options.dialect)) for sink in sinks]
+            judged = among_own(path, analyse_alone(log, options, followers, progress=progress), settings)
             for follower in followers:
-                follower.close(assessment)
-        return Judged(path, assessment, alone, judged.error if judged else None)
+                follower.close(judged.assessment)
+        return judged
     except Exception as error:
         return Failed.of(path, error)
 
@@ -221,7 +209,9 @@ def record(assessment: Assessment, path: Place, options: Options | Settings | No
     analyse(log.path, settings, recording=path)
 
 
-def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = None) -> StandaloneAssessment:
+def analyse_alone(
+    path: Place, options: EngineOptions, followers: Sequence[Follower] = (), *, progress: Progress = None
+) -> StandaloneAssessment:
     """Judge a log by itself; the errors are those of :func:`analyse`.
 
     :func:`mavhums.flights.compare.compared` compares the result with earlier flights.
@@ -231,66 +221,8 @@ def analyse_alone(path: Place, options: EngineOptions, *, progress: Progress = N
     >>> analyse_alone("flight.tlog", Options(airframe="paper").resolved()).assessment.airframe
     'paper'
     """
-    engine = Engine(replace(options, recorded=True))
-    digest = _fed(path, engine, options.dialect, progress=progress)
-    assessment = engine.assessment(str(path), digest)
-    return StandaloneAssessment(assessment, engine.records(), engine.profiles(), options.false_alarms)
-
-
-def among_own(log: Path, alone: StandaloneAssessment, settings: Settings) -> tuple[Judged, OwnFlights | None]:
-    """Keep a flight that was judged alone if that is wanted, and compare it with its aircraft's earlier ones.
-
-    Returns
-    -------
-    tuple
-        The compared flight; and the earlier ones, None if there is no store or it cannot be kept there.
-    """
-    if settings.store is None:
-        return Judged(log, settings.resolver.named(alone.assessment), alone), None
-    from mavhums.flights.landing import OwnFlights, land
-    from mavhums.flights.store import LogFile
-
-    landed = False
-    if settings.keep:
-        file = LogFile.at(log.absolute())
-        try:
-            landed = land(settings.store, alone, file, settings.fingerprint(), settings.resolver)
-        except MavhumsError as error:
-            return Judged(log, settings.resolver.named(alone.assessment), alone, error), None
-    own = OwnFlights(settings.store, alone.assessment, settings.resolver)
-    return Judged(log, own.kept(alone) if landed else own.compared(alone), alone), own
-
-
-def _followed(
-    path: Place,
-    settings: Settings,
-    own: OwnFlights | None,
-    followers: Sequence[Follower],
-    progress: Progress,
-) -> Assessment:
-    """Compare while judging, so that the followers see what the earlier flights change."""
-    options = settings.engine
-    engine = Engine(options)
-    if own is None:
-        digest = _fed(path, engine, options.dialect, followers, progress)
-        return settings.resolver.named(engine.assessment(str(path), digest))
-    from mavhums.flights.compare import FlightComparison
-
-    comparison = FlightComparison(engine, own.flights.baselines, own.flights.past)
-    digest = _fed(path, comparison, options.dialect, followers, progress)
-    return own.completed(own.resolver.named(comparison.assessment(str(path), digest)))
-
-
-def _fed(
-    path: Place,
-    engine: Engine | FlightComparison,
-    dialect: Place | None,
-    followers: Sequence[Follower] = (),
-    progress: Progress = None,
-) -> str:
-    """Process a log, and return its hash."""
-    digest, size = hashlib.sha256(), 0
-    for block in read_blocks(path, size=_BLOCK, dialect=dialect):
+    engine, digest, size = Engine(options), hashlib.sha256(), 0
+    for block in read_blocks(path, size=_BLOCK, dialect=options.dialect):
         digest.update(block)
         size += len(block)
         events = engine.feed(block)
@@ -301,7 +233,26 @@ def _fed(
     last = engine.finish()
     for follower in followers:
         follower.consume(last)
-    return digest.hexdigest()
+    assessment = engine.assessment(str(path), digest.hexdigest())
+    return StandaloneAssessment(assessment, engine.profiles(), options.false_alarms)
+
+
+def among_own(log: Path, alone: StandaloneAssessment, settings: Settings) -> Judged:
+    """Compare a flight with its aircraft's earlier ones, and keep it among them if that is wanted."""
+    if settings.store is None:
+        return Judged(log, settings.resolver.named(alone.assessment), alone)
+    from mavhums.flights.landing import OwnFlights, land
+    from mavhums.flights.store import LogFile
+
+    landed = False
+    if settings.keep:
+        file = LogFile.at(log.absolute())
+        try:
+            landed = land(settings.store, alone, file, settings.fingerprint(), settings.resolver)
+        except MavhumsError as error:
+            return Judged(log, settings.resolver.named(alone.assessment), alone, error)
+    own = OwnFlights(settings.store, alone.assessment, settings.resolver)
+    return Judged(log, own.kept(alone) if landed else own.compared(alone), alone)
 
 
 _WORTH_BYTES: Final = 64 << 20  # fewer are judged in the time that processes need to start
@@ -407,9 +358,9 @@ def _without_cause(settings: Settings, log: Path) -> Judged | Failed:
 
 def _compared(judged: Judged | Failed, settings: Settings) -> Judged | Failed:
     """Compare a flight that another process has judged with the earlier flights."""
-    if isinstance(judged, Failed) or judged.alone is None:
+    if isinstance(judged, Failed):
         return judged
     try:
-        return among_own(judged.log, judged.alone, settings)[0]
+        return among_own(judged.log, judged.alone, settings)
     except MavhumsError as error:
         return Failed.of(judged.log, error)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from mavhums.core.arrays import Array
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_setup import SetupHistory
-from mavhums.health.decision.events import ActuatorRecord, Classified, ConditionChanged, Forgotten
+from mavhums.health.decision.events import Classified, ConditionChanged
 from mavhums.health.verdict.actuator import unjudged_actuator, verdict_of_actuator, with_refused
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.log import Table
@@ -86,13 +86,6 @@ class Actuators:
     def drop(self, vehicle: int) -> None:
         """Drop the monitors of a vehicle: it names another profile."""
         self._monitors = {key: monitor for key, monitor in self._monitors.items() if key[0] != vehicle}
-
-    def records(
-        self, *, whole: bool, without: Container[int | None]
-    ) -> dict[tuple[int, str], ActuatorRecord]:
-        """Return this flight's records of each actuator, but of some vehicles."""
-        known = ((key, monitor) for key, monitor in self._monitors.items() if key[0] not in without)
-        return {key: monitor.record(whole=whole) for key, monitor in known}
 
     def verdicts(
         self,
@@ -166,7 +159,6 @@ class Actuators:
                 self._serving(airframe),
                 by_network=self._options.decide == "network",
                 false_alarms=self._options.false_alarms,
-                recorded=self._options.recorded,
             )
         return self._monitors[key]
 
@@ -183,7 +175,6 @@ class Actuators:
         why = f"undecided: {reason.text}"
         if monitor.condition != "undecided":
             yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
-        yield Forgotten(vehicle, actuator, time_s, why)
 
 
 def summary_of(model: Model) -> ModelSummary:

@@ -29,7 +29,6 @@ from mavhums.engine.motors import beside_motors
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.usage import at_full_output, vehicle_usage
 from mavhums.engine.vehicle_setup import setup_notices
-from mavhums.health.decision.events import ActuatorRecord
 from mavhums.health.verdict import of_several_senders, with_advice, with_supply
 from mavhums.health.verdict.actuator import crowded_out, unjudged_vehicle
 from mavhums.health.verdict.axis import named_by_telemetry
@@ -186,14 +185,6 @@ class Engine:
         if not indicators:
             self._looks[vehicle] = look
         return look
-
-    def records(self, *, whole: bool = True) -> dict[tuple[int, str], ActuatorRecord]:
-        """Return this flight's records of each vehicle's actuators.
-
-        They have windows and decisions if the option ``recorded`` is set. Without the estimates over the
-        ``whole`` flight the call costs next to nothing.
-        """
-        return self._actuators.records(whole=whole, without=self._clocks.mixed)
 
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""

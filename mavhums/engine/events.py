@@ -11,11 +11,8 @@ from typing import NamedTuple
 
 from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.health.decision.events import (
-    ActuatorRecord,
     Classified,
-    ComparisonInput,
     ConditionChanged,
-    Forgotten,
     Indication,
     Trace,
     Window,
@@ -46,12 +43,7 @@ Event = (
     | Trace
     | Position
     | FlightMode
-    | ComparisonInput
-    | Forgotten
 )
-
-Records = Mapping[tuple[int, str], ActuatorRecord]
-"""What a flight leaves of each actuator, by vehicle and actuator."""
 
 
 class StandaloneAssessment(NamedTuple):
@@ -61,15 +53,12 @@ class StandaloneAssessment(NamedTuple):
     ----------
     assessment
         The assessment without any baseline.
-    records
-        Records of the actuators, by vehicle and actuator.
     profiles
-        Name of the profile by which each actuator was judged.
+        Name of the profile by which each actuator was judged, by vehicle and actuator.
     false_alarms
         Accepted number of false alarms in 100 hours of an actuator or an axis.
     """
 
     assessment: Assessment
-    records: Records
     profiles: Mapping[tuple[int, str], str]
     false_alarms: float = FALSE_ALARMS

@@ -40,9 +40,6 @@ class EngineOptions:
     vehicle_states
         Whether attitude, position, flight mode, and what a network says of each sample, are reported as
         well, for a recording.
-    recorded
-        Whether to keep the numbers needed to compare the flight with earlier ones afterwards: some 60 kB
-        per minute of flight, for at most eight actuators.
 
     Examples
     --------
@@ -57,4 +54,3 @@ class EngineOptions:
     dialect: str | os.PathLike[str] | None = None
     key: bytes | None = None
     vehicle_states: bool = False
-    recorded: bool = False

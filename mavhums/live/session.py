@@ -11,7 +11,6 @@ from typing import NamedTuple, TypeVar
 from mavhums.engine.axes import MOST_VEHICLES
 from mavhums.engine.engine import Engine
 from mavhums.engine.events import Event, Notice
-from mavhums.flights.compare import FlightComparison
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.live.alerts import Alerts
 from mavhums.live.links import Link
@@ -37,7 +36,7 @@ _PENDING = 1 << 13
 _DEFAULT_VEHICLE = 1  # ArduPilot's default system id, announced to before a vehicle is heard
 
 
-class Sink:
+class LiveSink:
     """A display or output of a session; what a kind of output does not need, it leaves out."""
 
     def consume(self, events: Sequence[Event]) -> None:
@@ -80,8 +79,7 @@ class Session:
     Parameters
     ----------
     engine
-        A new engine, or the comparison that stands in for it. It needs no key: the stamper's guard has
-        checked the signatures.
+        A new engine. It needs no key: the stamper's guard has checked the signatures.
     reception
         What it receives by.
     ground
@@ -90,8 +88,9 @@ class Session:
         Writes the accepted frames; None for none.
     sinks
         Take events, state and verdicts.
-    identify
-        Returns an assessment with the identity of its aircraft; also called when a vehicle reports its board.
+    compare
+        Returns an assessment with the name of its aircraft, compared with its earlier flights; also called
+        when a vehicle reports its board, so that the name is known.
 
     Examples
     --------
@@ -104,13 +103,13 @@ class Session:
 
     def __init__(
         self,
-        engine: Engine | FlightComparison,
+        engine: Engine,
         reception: Reception,
         ground: GroundStation = GroundStation(),  # noqa: B008 — immutable
         *,
         recorder: TlogRecorder | None = None,
-        sinks: Sequence[Sink] = (),
-        identify: Callable[[Assessment], Assessment] | None = None,
+        sinks: Sequence[LiveSink] = (),
+        compare: Callable[[Assessment], Assessment] | None = None,
     ) -> None:
         self.clock, self.links, self.peers = reception.clock, reception.links, reception.peers
         self.recorder, self.sinks = recorder, list(sinks)
@@ -119,7 +118,7 @@ class Session:
         self._contested: dict[int, int] = {}
         self._engine, self._stamper, self._remember = engine, reception.stamper, reception.remember
         self._alerts, self._greeter, self._ground = ground
-        self._identify = identify
+        self._compare = compare
         self._identified: set[tuple[int, str | None]] = set()
         self._ticks = self._frames = 0
         self._busy = False
@@ -202,8 +201,8 @@ class Session:
         path = str(self.recorder.path) if self.recorder else ", ".join(str(k.address) for k in self.links)
         assessment = self._judged(lambda: self._engine.assessment(path or None), self._latest)
         assessment = self._with_failures(self._with_reason(assessment))
-        if self._identify:
-            assessment = self._identify(assessment)
+        if self._compare:
+            assessment = self._compare(assessment)
         for link in (*self.links, *self._ground):
             link.close()
         for sink in self.sinks:
@@ -213,9 +212,9 @@ class Session:
     def _note_boards(self, assessment: Assessment) -> None:
         """Identify the aircraft as soon as a vehicle reports its board."""
         identified = {(flight.vehicle, flight.board) for flight in assessment.log.flight}
-        if self._identify and identified != self._identified:
+        if self._compare and identified != self._identified:
             self._identified = identified
-            self._identify(assessment)
+            self._compare(assessment)
 
     def _with_reason(self, assessment: Assessment) -> Assessment:
         """Return an assessment that says why no frame was accepted, if none was."""

@@ -7,7 +7,6 @@ import logging
 import os
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -16,13 +15,12 @@ from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 from mavhums.engine.engine import Engine
+from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.aircraft import AircraftResolver
-from mavhums.flights.compare import FlightComparison
-from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
 from mavhums.live.links import Address, Link, ReceiveClock, SerialLink, TcpLink, UdpLink
 from mavhums.live.outlet import TlogRecorder
-from mavhums.live.session import GroundStation, Session, Sink
+from mavhums.live.session import GroundStation, LiveSink, Session
 from mavhums.live.status import Peers, Reception
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
@@ -85,7 +83,7 @@ class LiveOptions:
             Address.parse(url)
 
 
-def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states: bool = False) -> Session:
+def prepare(options: LiveOptions, sinks: Sequence[LiveSink] = (), *, vehicle_states: bool = False) -> Session:
     """Return a session that already listens; ``vehicle_states`` as in :class:`mavhums.Engine`.
 
     Raises
@@ -122,12 +120,12 @@ def prepare(options: LiveOptions, sinks: Sequence[Sink] = (), *, vehicle_states:
     alerts = voice(ground_links) if options.alerts or ground else None
     greeter = None if options.silent else alerts if alerts and not ground else voice(links)
     return Session(
-        FlightComparison(judging, flown.baselines, flown.past) if flown else judging,
+        judging,
         reception,
         GroundStation(alerts, greeter, ground_links if ground else ()),
         recorder=recorder,
         sinks=sinks,
-        identify=flown.identified if flown else settings.resolver.named,
+        compare=flown.compared if flown else settings.resolver.named,
     )
 
 
@@ -148,22 +146,16 @@ class _LinkFlights:
     def __init__(self, store: Store, engine: Engine, given: AircraftResolver) -> None:
         from mavhums.flights.landing import OwnFlights  # a session without a store needs no database
 
-        self._look_up = partial(OwnFlights, store, given=given)
+        self._engine, self._look_up = engine, partial(OwnFlights, store, given=given)
         self._own = self._look_up(engine.assessment(indicators=False))
 
-    def identified(self, assessment: Assessment) -> Assessment:
-        """Return an assessment with the name of its aircraft, and with what the store knows of it."""
+    def compared(self, assessment: Assessment) -> Assessment:
+        """Return an assessment with the name of its aircraft, compared with its earlier flights."""
         if not self._own.is_named:
             self._own = self._look_up(assessment)
-        return self._own.completed(self._own.resolver.named(assessment))
-
-    def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
-        return self._own.flights.baselines(airframe, before)
-
-    def past(
-        self, airframe: str | None, before: datetime | None
-    ) -> Mapping[tuple[int, str], Sequence[PastRecord]]:
-        return self._own.flights.past(airframe, before)
+        engine = self._engine
+        alone = StandaloneAssessment(assessment, engine.profiles(), engine.options.false_alarms)
+        return self._own.compared(alone)
 
 
 def _open(addresses: Sequence[Address], clock: ReceiveClock, *, signed_only: bool) -> list[Link]:

@@ -85,7 +85,7 @@ class Coverage(Contract):
     axis the seconds since its reference over which a loss of 40 % or more is excluded or measured.
     ``excluded`` counts, for an axis, the seconds over which a loss of 40 % or more is excluded with 95 %, and
     ``excluded_until_s`` is the flight second of the last one after the reference. ``judged_from_s`` is the
-    flight second from which on an axis is judged whose reference came after three minutes of forward flight.
+    flight second from which on an axis is judged whose reference came after two minutes of forward flight.
     ``excluded_loss`` is, of a motor without a finding, the smallest loss of thrust that is excluded.
     ``late`` counts samples that came too late to be judged, ``implausible`` by quantity the values that no
     such actuator can have, which count as not measured.
@@ -132,6 +132,10 @@ class Indicator(Contract):
     windows, scatter
         Number of decidable windows that do not overlap, and the standard deviation of their estimates;
         None of fewer than two.
+    mean, mean_error
+        Mean of those windows, each counted by its certainty, and its standard error. It leaves out errors
+        that all flights share, and is compared with earlier flights; None of an axis or a motor, whose value
+        is.
     limit
         Value from which the actuator is degraded; None where only its own baseline can decide.
     emergency
@@ -153,6 +157,8 @@ class Indicator(Contract):
     value: Interval
     windows: int = Field(ge=1)
     scatter: float | None = Field(default=None, ge=0)
+    mean: float | None = None
+    mean_error: float | None = Field(default=None, ge=0)
     limit: float | None = None
     emergency: float | None = None
     baseline: Interval | None = None
@@ -160,6 +166,14 @@ class Indicator(Contract):
     needed_flights: int | None = Field(default=None, ge=1)
     least_rise: float | None = Field(default=None, ge=0)
     load: float | None = Field(default=None, ge=0)
+
+    @property
+    def compared(self) -> tuple[float, float]:
+        """The value that is compared with earlier flights, and its standard error."""
+        if self.mean is not None and self.mean_error is not None:
+            return self.mean, self.mean_error
+        # The interval is the only form in which the error was stored.
+        return self.value.estimate, (self.value.high - self.value.low) / 2 / NORMAL_95
 
     @classmethod
     def of_mean(

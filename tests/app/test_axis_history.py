@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from mavhums import Engine, analyse
+from mavhums import analyse
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.cli.main import cli
-from mavhums.flights.compare import FlightComparison, compared, packed, unpacked
+from mavhums.flights.compare import compared, packed, unpacked
 from mavhums.health.decision.baseline import Baseline
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
@@ -124,18 +124,14 @@ def test_the_limits_are_those_of_the_profile(tmp_path: Path) -> None:
     assert verdict.limits.effectiveness_emergency == 0.3
 
 
-def test_in_flight_and_afterwards_the_past_says_the_same(folder: Path) -> None:
-    path = log(folder, 35, gain=1.1)
+def test_what_a_store_keeps_of_a_flight_says_the_same(folder: Path) -> None:
+    alone = analyse_alone(log(folder, 35, gain=1.1), Options().resolved())
     baselines = {
         (1, "roll", fault): Baseline(mean, 0.02 * mean, 12, 0.03 * mean, 0.05 * mean)
         for fault, mean in (("effectiveness", 0.122), ("slow", 0.1), ("hard_over", 0.01))
     }
-    options = Options().resolved()
-    engine = FlightComparison(Engine(options), lambda *_: baselines)
-    engine.feed(path.read_bytes())
-    engine.finish()
-    later = compared(unpacked(packed(analyse_alone(path, options))), lambda *_: baselines)
-    assert later.verdicts == engine.assessment(str(path)).verdicts
+    later = compared(unpacked(packed(alone)), lambda *_: baselines)
+    assert later == compared(alone, lambda *_: baselines)
     assert roll(later).condition == "emergency"
 
 

@@ -18,9 +18,9 @@ from mavhums.actuator.mapping import AirframeNamed, Samples
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.engine import Engine
-from mavhums.engine.events import Notice
+from mavhums.engine.events import Notice, StandaloneAssessment
 from mavhums.engine.options import EngineOptions
-from mavhums.flights.compare import FlightComparison
+from mavhums.flights.compare import compared
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.learn import Model, default_model, packaged_models
@@ -451,10 +451,11 @@ def test_the_supplys_sag_is_seen_by_an_esc_at_the_bus(at_bus: Callable[..., Asse
 def test_baselines_reach_the_actuator_that_they_are_of(growing_record: FlightRecord) -> None:
     own = Baseline(mean=0.10, error=0.001, flights=10, between=0.002, spread=0.003)
     baselines = {(1, "rudder", "friction"): own, (2, "aileron_left", "friction"): own}
-    comparison = FlightComparison(Engine(), lambda *_: baselines)
-    comparison.feed(b"".join(data for _, data in packed(growing_record)))
-    comparison.finish()
-    assessment = comparison.assessment()
+    engine = Engine()
+    engine.feed(b"".join(data for _, data in packed(growing_record)))
+    engine.finish()
+    alone = StandaloneAssessment(engine.assessment(), engine.profiles())
+    assessment = compared(alone, lambda *_: baselines)
     rudder = of(assessment, "rudder")
     assert rudder.condition == "degraded"
     assert "friction_drift" in [e.kind for e in rudder.evidence]

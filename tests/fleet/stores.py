@@ -37,7 +37,7 @@ def row_of(assessment: Assessment, aircraft: str, flight: StandaloneAssessment |
         aircraft=aircraft,
         start_us=us_of(PastFlight.of(assessment).start) if log.start_utc else None,
         duration_s=log.duration_s,
-        flight=packed(flight or StandaloneAssessment(assessment, {}, {})),
+        flight=packed(flight or StandaloneAssessment(assessment, {})),
     )
 
 

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks._fleet import compared
 from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.quantities import column
 from mavhums.engine.events import Event
-from mavhums.flights.compare import ActuatorComparison
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
-from mavhums.health.decision.baseline import Baseline
 from mavhums_sim import Flight, FlightRecord, Gearbox, fly
 from mavhums_sim.conditions import Condition
 from mavhums_sim.ema import EmaParameters
@@ -110,27 +109,5 @@ def watch_blocks(
         gave = None if measured is None else np.tile(measured, (block.time_s.size, 1))
         events.extend(monitor.feed(block.time_s, block.values, gave, block.bus_v, None, block.magnitudes))
     events.extend(monitor.finish())
-    return compared(monitor, events, baselines) if baselines else (events, monitor.findings())
-
-
-def compared(
-    monitor: Monitor, events: Iterable[Event], baselines: Mapping[str, Baseline]
-) -> tuple[list[Event], ActuatorFindings]:
-    """Return the events and the findings of a flight beside the actuator's own baselines."""
-    comparison = ActuatorComparison(baselines)
-    told = [after for event in events for after in comparison.follow(event)]
-    findings, found = monitor.findings(), comparison.findings(monitor.record(whole=True))
-    return told, replace(
-        findings,
-        condition=found.condition,
-        worst=found.worst,
-        since_s=found.since_s,
-        suspects=found.suspects,
-        evidence=found.evidence,
-        coverage=findings.coverage.model_copy(
-            update={"decidable": max(findings.coverage.decidable, found.decidable)}
-        ),
-        indicators=tuple(
-            one.model_copy(update={"baseline": found.baselines.get(one.fault)}) for one in findings.indicators
-        ),
-    )
+    findings = monitor.findings()
+    return events, compared(findings, monitor.actuator, baselines) if baselines else findings

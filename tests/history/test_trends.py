@@ -17,7 +17,8 @@ import mavhums
 from mavhums import fleet
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode
-from mavhums.flights.compare import FlightComparison
+from mavhums.engine.events import StandaloneAssessment
+from mavhums.flights.compare import compared
 from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
@@ -353,10 +354,10 @@ def test_a_log_without_a_date_has_no_baseline(
     for log, undated in ((logs[0], False), (tmp_path / "flight.raw", True)):
         if undated:
             log.write_bytes(b"".join(frame for _, frame in records(logs[0].read_bytes())))
-        engine = FlightComparison(mavhums.Engine(), baselines)
+        engine = mavhums.Engine()
         engine.feed(log.read_bytes())
         engine.finish()
-        said = engine.assessment().log.start_utc
+        said = compared(StandaloneAssessment(engine.assessment(), {}), baselines).log.start_utc
         assert (said is None) == undated
         assert {(name, before and before.isoformat()) for name, before in asked} == (
             set() if undated else {("paper", said)}

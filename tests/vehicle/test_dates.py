@@ -58,7 +58,7 @@ def undated() -> bytes:
 def test_a_log_without_a_date_says_that_it_is_not_compared() -> None:
     alone = judged(undated())[0]
     assert alone.log.start_utc is None
-    found = compared(StandaloneAssessment(alone, {}, {}, 1.0), lambda *_: {})
+    found = compared(StandaloneAssessment(alone, {}), lambda *_: {})
     assert "no date" in found.log.notices[-1]
     assert verdicts(found) == verdicts(alone)
     console = Console(record=True, width=200)

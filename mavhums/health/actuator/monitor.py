@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,6 @@ from mavhums.health.actuator.indicator_tracker import (
     IndicatorTracker,
     evidence_of,
     indicator_of,
-    record_of,
     suspect_of,
 )
 from mavhums.health.actuator.network_tally import NetworkFindings, NetworkTally
@@ -31,16 +30,8 @@ from mavhums.health.actuator.votes import (
     outcomes,
     window_outcomes,
 )
-from mavhums.health.decision.conditions import ConditionTracker
-from mavhums.health.decision.events import (
-    ActuatorRecord,
-    ComparisonInput,
-    ConditionChanged,
-    Indication,
-    IndicatorStep,
-    Window,
-)
-from mavhums.health.decision.evidence import concludes, in_order, ranked
+from mavhums.health.decision.conditions import ConditionTracker, IndicatorChange
+from mavhums.health.decision.events import ConditionChanged, Indication, Window
 from mavhums.health.decision.limits import Estimates, half_width
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import Fits
@@ -54,7 +45,7 @@ from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, Own
 
 _MOST_WAITING = 64  # blocks: bounds the memory where the clock stands still
 
-MonitorEvent = Window | ConditionChanged | Indication | ComparisonInput
+MonitorEvent = Window | ConditionChanged | Indication
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +88,6 @@ class Monitor:
         case if the profile has no limits, without which the physics decides no friction.
     false_alarms
         Allowed number of false alarms per 100 hours.
-    recorded
-        Whether to keep the numbers for :meth:`record`, about 200 bytes for each second of flight.
     """
 
     def __init__(
@@ -109,7 +98,6 @@ class Monitor:
         *,
         by_network: bool = False,
         false_alarms: float = FALSE_ALARMS,
-        recorded: bool = False,
     ) -> None:
         self.vehicle = vehicle
         self.actuator = actuator
@@ -124,14 +112,8 @@ class Monitor:
         self._latest_s = -np.inf
         detectors = detectors_for(actuator)
         self._trackers = {
-            detector.fault: IndicatorTracker(
-                detector,
-                false_alarms=false_alarms,
-                recorded=recorded,
-            )
-            for detector in detectors
+            detector.fault: IndicatorTracker(detector, false_alarms=false_alarms) for detector in detectors
         }
-        self._false_alarms = false_alarms
         self._fits = Fits(actuator, {name for detector in detectors for name in detector.equations})
         self._counts = Windows(2)
         self._votes = Windows(VOTE_COLUMNS)
@@ -140,10 +122,9 @@ class Monitor:
         self._by_window = bool(actuator.ema) and any(network.window_classes for network in networks)
         self._first: int | None = None
         self._held = ConditionTracker()
-        self._concluded_s: float | None = None
         self._windows = self._decidable = self._samples = self._moving = self._slots = 0
         self._friction: Interval | None = None
-        self._tally = NetworkTally(len(self._networks), recorded=recorded)
+        self._tally = NetworkTally(len(self._networks))
         self._by_network = bool(self._networks) and (by_network or "friction" not in self._trackers)
 
     def feed(
@@ -180,17 +161,18 @@ class Monitor:
         if self._first is None or self._windows == 0 or self._held.jammed:
             return
         whole, start_s, end_s = self._fits.whole(), float(self._first), self._latest_s
-        self._concluded_s = start_s
         trackers = self._deciding()
         friction = trackers.get("friction")
-        judged = friction.judged if friction else 0
-        steps = tuple(
-            tracker.conclude(whole, start_s, end_s)
-            for tracker in trackers.values()
-            if concludes(tracker.judged, judged) or tracker.surely_grave(whole)
-        )
-        yield ComparisonInput(self.vehicle, self.actuator.name, start_s, end_s, steps, whole=True)
-        yield from self._changed(steps, end_s)
+        # What no window shows, as play that the load seldom crosses, the whole flight may, if windows show
+        # the friction. Samples too few or too doubtful for any window do not become evidence by their number,
+        # but what is surely an emergency needs none: a grave fault leaves few samples in motion.
+        changes = {
+            fault: change
+            for fault, tracker in trackers.items()
+            if (tracker.judged or (friction and friction.judged) or tracker.surely_grave(whole))
+            and (change := tracker.conclude(whole, start_s, end_s))
+        }
+        yield from self._changed(changes, end_s)
         self._friction = (friction and friction.concluded) or self._friction
 
     @property
@@ -231,8 +213,8 @@ class Monitor:
                 late=self._cutter.late,
             ),
             last_s=self._latest_s,
-            suspects=ranked(suspects),
-            evidence=in_order(evidence),
+            suspects=tuple(sorted(suspects, key=lambda each: -each.confidence)),
+            evidence=tuple(sorted(evidence, key=lambda each: each.start_s)),
             indicators=tuple(shown),
             own=tuple(
                 record.model_copy(update={"temperature_c": temperature_c})
@@ -261,20 +243,6 @@ class Monitor:
             rate_hz=self._samples / max(lasted_s, 1.0),
         )
 
-    def record(self, *, whole: bool) -> ActuatorRecord:
-        """Return the flight's record for the comparison with other flights.
-
-        It has windows and decisions if the flight is ``recorded``, and estimates over the ``whole`` flight.
-        """
-        flight = self._fits.whole() if whole else {}
-        faults = tuple(record_of(tracker, flight) for tracker in self._deciding().values())
-        return ActuatorRecord(
-            false_alarms=self._false_alarms,
-            concluded_s=self._concluded_s,
-            end_s=self._latest_s,
-            faults=(*faults, self._tally.record()) if self._by_network else faults,
-        )
-
     def _cut(self) -> Slots | None:
         """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
         time_s, values = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
@@ -297,15 +265,15 @@ class Monitor:
         whole = slots.index - self._first + 1 >= WINDOW_S
         end_s: Array = np.asarray(slots.index[whole] + 1, dtype=np.float64)
         estimates = {fault: of_slots.at(whole) for fault, of_slots in found.items()}
-        steps: dict[int, list[IndicatorStep]] = {}
+        changes: dict[int, dict[str, IndicatorChange]] = {}
         deciding = self._deciding()
         half = {fault: half_width(indicated, tail=TAIL_95) for fault, indicated in estimates.items()}
         for fault, indicated in estimates.items():
             yield from self._indicate(fault, indicated.value, half[fault], end_s)
-            for k, step in self._trackers[fault].feed(indicated, end_s).items():
+            for k, change in self._trackers[fault].feed(indicated, end_s).items():
                 # Where a network decides the friction, the physics is shown and changes nothing.
                 if fault in deciding:
-                    steps.setdefault(k, []).append(step)
+                    changes.setdefault(k, {})[fault] = change
         friction = _intervals(estimates["friction"], half["friction"]) if "friction" in estimates else {}
         ballots = votes[whole].astype(np.int64)
         if self._by_window:
@@ -314,7 +282,7 @@ class Monitor:
             voted = outcomes(self._networks, ballots)
         for k, change in self._tally.feed(voted, end_s.tolist()):
             if self._by_network:
-                steps.setdefault(k, []).append(IndicatorStep(self._tally.described, None, change))
+                changes.setdefault(k, {})["friction"] = change
         answered = {k for k, vote in enumerate(voted) if vote and vote.severity >= 0}
         # A fault of any detector makes a window decidable, not only the friction.
         faulty = np.any(
@@ -325,11 +293,7 @@ class Monitor:
         for k, (end, fraction, vote) in enumerate(
             zip(end_s.tolist(), moving[whole].tolist(), voted, strict=True)
         ):
-            said = tuple(steps.get(k, ()))
-            if said:
-                start_s, name = end - WINDOW_S, self.actuator.name
-                yield ComparisonInput(self.vehicle, name, start_s, end, said)
-            changed = [*self._changed(said, end)]
+            changed = [*self._changed(changes.get(k, {}), end)]
             yield self._window(end, fraction, friction.get(k), vote)
             yield from changed
 
@@ -361,11 +325,10 @@ class Monitor:
                 self.vehicle, self.actuator.name, fault, end_s[shown], value, value - half, value + half
             )
 
-    def _changed(self, steps: Iterable[IndicatorStep], end_s: float) -> Iterator[ConditionChanged]:
-        """Process the detectors' changes; report a change of the actuator's condition."""
-        for indicator, _, change in steps:
-            turn = self._held.take(indicator.fault, change) if change else None
-            if turn is not None:
+    def _changed(self, changes: Mapping[str, IndicatorChange], end_s: float) -> Iterator[ConditionChanged]:
+        """Process the detectors' changes, by fault; report a change of the actuator's condition."""
+        for fault, change in changes.items():
+            if turn := self._held.take(fault, change):
                 yield ConditionChanged(self.vehicle, self.actuator.name, end_s, *turn)
 
     def _window(

@@ -16,15 +16,12 @@ from mavhums.core.arrays import Array
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.votes import Ballot, VoteOutcome
 from mavhums.health.decision.conditions import Episodes, IndicatorChange
-from mavhums.health.decision.events import DecisionChange, Estimate, FaultRecord
-from mavhums.health.decision.limits import Levels
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason
 from mavhums.results.sections import fault_of
 from mavhums.results.verdict import ABSTAINED, OUTSIDE, Evidence, Suspect
 
 _BALLOT = Ballot()
-_QUANTITY = "the network's probability of its class"
 
 
 class NetworkFindings(NamedTuple):
@@ -47,8 +44,6 @@ class NetworkTally:
     ----------
     networks
         Number of networks.
-    recorded
-        Whether the changes are kept for :meth:`record`.
 
     Attributes
     ----------
@@ -56,19 +51,15 @@ class NetworkTally:
         The gravest condition that was held.
     """
 
-    def __init__(self, networks: int, *, recorded: bool = False) -> None:
-        self._recorded = recorded
+    def __init__(self, networks: int) -> None:
         self.worst: Condition = "undecided"
-        self.described = FaultRecord("friction", _QUANTITY, "1", Levels(), two_sided=False)
         self._agreement = _Agreement()
         self._like: dict[int, VoteOutcome] = {}
         self._windows: Counter[str] = Counter()
         self._probabilities: defaultdict[str, float] = defaultdict(float)
         self._latest: VoteOutcome | None = None
-        self._sure: VoteOutcome | None = None
         self._held: VoteOutcome | None = None
         self._worst_says: str | None = None
-        self._decided: list[DecisionChange] = []
         self._episodes = Episodes()
         self._first_s: float | None = None
         self._samples = np.zeros((networks, 2))
@@ -92,7 +83,6 @@ class NetworkTally:
             changed = said.said != OUTSIDE and self._agreement.feed(said, end - WINDOW_S)
             if said.severity < 0:
                 continue
-            self._sure = said
             if said.severity == SEVERITY["emergency"] and self._first_s is None:
                 # The middle of the window is the best guess of the moment.
                 self._first_s = end - WINDOW_S / 2
@@ -102,8 +92,6 @@ class NetworkTally:
                 self._held = self._like.get(self._agreement.severity, said)
                 if SEVERITY[condition] > SEVERITY[self.worst]:
                     self.worst, self._worst_says = condition, self._held.likely
-                if self._recorded:
-                    self._decided.append(DecisionChange(end, condition, since_s))
                 self._episodes.begin_decided(condition, since_s, end, said.probability)
                 yield k, IndicatorChange(condition, since_s, _rule(condition))
             else:
@@ -145,11 +133,6 @@ class NetworkTally:
         if self._held is None or not self._held.severity:
             return None
         return Suspect(fault=fault_of(self._held.likely), confidence=self._held.probability)
-
-    def record(self) -> FaultRecord:
-        """Return the record of a flight whose friction the network decides, for a later comparison."""
-        latest = None if self._sure is None else Estimate(self._sure.probability, 0.0, 1.0)
-        return self.described._replace(decided=tuple(self._decided), latest=latest, evidence=self.evidence())
 
     def why_undecided(self, *, physics: bool) -> Reason:
         """Return the reason if the network decides and held no condition.

@@ -9,36 +9,23 @@ given the errors and the scatter between flights, and beyond the limit of the pr
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.core.statistics import t_probability, t_quantile
+from mavhums.core.statistics import t_quantile
 from mavhums.health.axis.response import Stretch, stretches
 from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, POOLED_S
 from mavhums.health.decision.baseline import LOSSES, Baseline, ComparedIndicator, with_baselines
 from mavhums.health.decision.conditions import since
-from mavhums.health.decision.limits import MOST_CONFIDENCE, tail_of_flight
+from mavhums.health.decision.evidence import Departure, confidence_of, with_departures
+from mavhums.health.decision.limits import tail_of_flight
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.results.reasons import Reason, said
 from mavhums.results.sections import AxisLimits
-from mavhums.results.verdict import Coverage, Evidence, Interval, OwnRecord, Suspect, Verdict
+from mavhums.results.verdict import Coverage, Interval, OwnRecord, Verdict
 
 _TESTED: Final = (*LOSSES, "slow", "hard_over")  # faults among which the false alarms are divided
-
-
-@dataclass(frozen=True, slots=True)
-class Departure:
-    """A difference from the earlier flights that counts."""
-
-    fault: str
-    condition: Condition
-    value: float
-    limit: float
-    rule: str
-    confidence: float
-    effectiveness: Interval | None = None
 
 
 def compare_with_earlier_flights(
@@ -76,7 +63,7 @@ def compare_with_earlier_flights(
     departures = _departures(compared, verdict.limits or AxisLimits(), tail)
     found = [one for one in departures if one.fault not in shown_alone]
     if found:
-        return _with_departures(verdict, found, start_utc, end_s)
+        return _from_the_start(verdict, found, start_utc, end_s)
     if verdict.condition not in ("normal", "unchanged"):
         return verdict
     # Earlier flights show what the log of a flight that begins in the air does not.
@@ -95,14 +82,14 @@ def _departures(compared: list[ComparedIndicator], limits: AxisLimits, tail: flo
         size, flights = one.difference, one.baseline.flights
         if one.indicator.fault == "slow" and size >= limits.lag_s and one.ratio > bound:
             rule = f"degraded: answers {size:.1f} s later than in {flights} earlier flights"
-            yield Departure("slow", "degraded", size, limits.lag_s, rule, _confidence(one))
+            yield Departure("slow", "degraded", size, limits.lag_s, rule, confidence_of(one))
         if one.indicator.fault == "hard_over" and abs(size) >= limits.trim_shift and abs(one.ratio) > bound:
             way = "right" if size > 0 else "left"
             rule = (
                 f"degraded: needs {100 * abs(size):.0f} % of the full demand more to the {way} than in "
                 f"{flights} earlier flights to keep its wings level"
             )
-            yield Departure("hard_over", "degraded", size, limits.trim_shift, rule, _confidence(one))
+            yield Departure("hard_over", "degraded", size, limits.trim_shift, rule, confidence_of(one))
 
 
 def loss_of(one: ComparedIndicator, limits: AxisLimits, tail: float) -> Departure | None:
@@ -120,14 +107,10 @@ def loss_of(one: ComparedIndicator, limits: AxisLimits, tail: float) -> Departur
         f"{condition}: {100 * max(k, 0.0):.0f} % of the {what} of {one.baseline.flights} earlier flights "
         "is left"
     )
-    return Departure("effectiveness", condition, k, limit, rule, _confidence(one), share)
+    return Departure("effectiveness", condition, k, limit, rule, confidence_of(one), share)
 
 
-def _confidence(one: ComparedIndicator) -> float:
-    return round(min(t_probability(one.freedom, abs(one.ratio)), MOST_CONFIDENCE), 4)
-
-
-def _with_departures(verdict: Verdict, found: list[Departure], start_utc: datetime, end_s: float) -> Verdict:
+def _from_the_start(verdict: Verdict, found: list[Departure], start_utc: datetime, end_s: float) -> Verdict:
     """Return a verdict with departures, which hold from the reference on."""
     late_s = verdict.coverage.judged_from_s
     # The flight's own beginning is its reference; a late one shows nothing of what was before it.
@@ -137,41 +120,7 @@ def _with_departures(verdict: Verdict, found: list[Departure], start_utc: dateti
     changes: dict[str, object] = {"effectiveness": effectiveness}
     if SEVERITY[worst] >= SEVERITY[verdict.condition]:
         changes |= {"condition": worst, "since": since(start_s, start_utc), **said()}
-    return _with_evidence(verdict, found, (start_s, end_s), when, changes)
-
-
-def _with_evidence(
-    verdict: Verdict,
-    found: list[Departure],
-    span_s: tuple[float, float],
-    when: str,
-    changes: Mapping[str, object],
-) -> Verdict:
-    """Return a verdict with departures as evidence and suspects, the worst condition and other changes."""
-    suspects = {one.fault: one.confidence for one in verdict.suspects}
-    suspects |= {one.fault: one.confidence for one in found}
-    evidence = [
-        Evidence(
-            kind=one.fault,
-            start_s=span_s[0],
-            end_s=span_s[1],
-            value=round(one.value, 4),
-            limit=one.limit,
-            rule=f"{one.rule}, {when}",
-        )
-        for one in found
-    ]
-    return verdict.model_copy(
-        update={
-            "worst": max(verdict.worst, *(one.condition for one in found), key=SEVERITY.__getitem__),
-            "suspects": tuple(
-                Suspect(fault=fault, confidence=confidence)
-                for fault, confidence in sorted(suspects.items(), key=lambda each: -each[1])
-            ),
-            "evidence": (*evidence, *verdict.evidence),
-            **changes,
-        }
-    )
+    return with_departures(verdict, found, (start_s, end_s), when, changes)
 
 
 class _JudgedStretch(NamedTuple):
@@ -257,7 +206,7 @@ def _with_loss(verdict: Verdict, judged: list[_JudgedStretch], start_utc: dateti
         **said(),
     }
     when = f"from {start_s:.0f} s to {end_s:.0f} s"
-    return _with_evidence(verdict, [gravest], (start_s, end_s), when, changes)
+    return with_departures(verdict, [gravest], (start_s, end_s), when, changes)
 
 
 def _coverage(verdict: Verdict, judged: list[_JudgedStretch]) -> Coverage:

@@ -1,96 +1,15 @@
-"""Engine events about an actuator's health, and the records kept of them. Times are flight times, s."""
+"""Engine events about an actuator's health. Times are flight times, s."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.conditions import Condition
-from mavhums.health.decision.conditions import IndicatorChange
-from mavhums.health.decision.limits import Levels
-from mavhums.results.verdict import Evidence, Interval
-
-
-class Estimate(NamedTuple):
-    """A quantity, its standard error, and the degrees of freedom of the error."""
-
-    value: float
-    error: float
-    freedom: float
-
-
-class WindowRecord(NamedTuple):
-    """A window that does not overlap the previous one; ``end_s`` is a flight time."""
-
-    end_s: float
-    value: float
-    error: float
-    freedom: float
-
-
-class DecisionChange(NamedTuple):
-    """A change of the decision by limits, at the end of a window."""
-
-    end_s: float
-    condition: Condition
-    since_s: float
-
-
-class FaultRecord(NamedTuple):
-    """The record of one fault's indicator in a flight.
-
-    Attributes
-    ----------
-    fault, quantity, unit, levels, two_sided
-        As in its detector.
-    windows, decided
-        In the order of time.
-    settled
-        Decision by the whole flight if no run of windows decided; else None.
-    whole
-        The estimate of the whole flight; None if it is not defined or has no evidence.
-    latest
-        The estimate of the last decision; None if there is none.
-    evidence
-        Evidence according to the limits, as in the verdict, unrounded.
-    """
-
-    fault: str
-    quantity: str
-    unit: str
-    levels: Levels
-    two_sided: bool
-    windows: tuple[WindowRecord, ...] = ()
-    decided: tuple[DecisionChange, ...] = ()
-    settled: Condition | None = None
-    whole: Estimate | None = None
-    latest: Estimate | None = None
-    evidence: tuple[Evidence, ...] = ()
-
-
-class ActuatorRecord(NamedTuple):
-    """The record of one actuator in a flight.
-
-    Attributes
-    ----------
-    false_alarms
-        Allowed alarms per 100 hours in the decision by limits.
-    concluded_s
-        Flight time from which the whole flight was judged; None if it was not, for example after a jam.
-    end_s
-        Flight time of the last sample.
-    faults
-        In the order of the detectors.
-    """
-
-    false_alarms: float
-    concluded_s: float | None
-    end_s: float
-    faults: tuple[FaultRecord, ...]
+from mavhums.results.verdict import Interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,43 +51,6 @@ class ConditionChanged:
     rule: str
     fault: str = "friction"
     finding: str = ""
-
-
-class IndicatorStep(NamedTuple):
-    """What a window says of one indicator, of which ``indicator`` is the description, without a flight.
-
-    ``estimate`` is None if the window overlaps the previous one that has one, or shows nothing; ``change`` is
-    the change of the decision by limits, if there is one.
-    """
-
-    indicator: FaultRecord
-    estimate: Estimate | None
-    change: IndicatorChange | None
-
-
-@dataclass(frozen=True, slots=True)
-class ComparisonInput:
-    """What an actuator's window adds to the comparison with its earlier flights; it precedes the window.
-
-    With ``whole``, it is the flight as a whole, which may decide at its end.
-    """
-
-    vehicle: int
-    actuator: str
-    start_s: float
-    end_s: float
-    steps: tuple[IndicatorStep, ...]
-    whole: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Forgotten:
-    """What was judged of an actuator no longer counts, for the reason in ``rule``."""
-
-    vehicle: int
-    actuator: str
-    time_s: float
-    rule: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,9 +19,6 @@ STARTS: Final = 60
 # chosen after a first run of benchmarks/control_history.py with aircraft 3–6.
 AXIS_SCATTER_SHARE: Final = 0.07
 
-# Windows that a drift is sought over: short spans find large changes soon, long ones small changes.
-DRIFT_SPANS_WINDOWS: Final = (1, 2, 3, 5, 8, 13, 21, 34)
-
 # Largest false-alarm probability of a whole flight, however long it is. By hand.
 MOST_FLIGHT_TAIL: Final = 0.01
 

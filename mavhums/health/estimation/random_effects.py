@@ -216,14 +216,20 @@ class RunningVariance:
 
     def __init__(self) -> None:
         self.count = 0
-        self.mean = self._squares = 0.0
+        self.mean = self._squares = self._weight = 0.0
 
-    def add(self, number: float) -> None:
-        """Add a number."""
+    def add(self, number: float, weight: float = 1.0) -> None:
+        """Add a number, with its inverse variance as weight where that is known."""
         self.count += 1
+        self._weight += weight
         before = number - self.mean
-        self.mean += before / self.count
-        self._squares += before * (number - self.mean)
+        self.mean += before * weight / self._weight
+        self._squares += before * weight * (number - self.mean)
+
+    @property
+    def mean_error(self) -> float:
+        """Standard error of the mean of weighted numbers: by their scatter if their errors promise less."""
+        return sqrt(max(self.variance, 1.0) / self._weight)
 
     @property
     def variance(self) -> float:

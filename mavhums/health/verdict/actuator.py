@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.plausibility import not_used
@@ -25,23 +25,6 @@ from mavhums.vehicle.surfaces import Surfaces
 
 if TYPE_CHECKING:
     from mavhums.health.actuator.monitor import ActuatorFindings
-
-
-class BaselineFindings(NamedTuple):
-    """Findings about an actuator in comparison with its own baseline, unrounded.
-
-    ``baselines`` are by fault; ``decidable`` is the number of windows that show what left its baseline. The
-    other fields are those of :class:`mavhums.health.actuator.monitor.ActuatorFindings`.
-    """
-
-    condition: Condition
-    worst: Condition
-    since_s: float | None
-    suspects: tuple[Suspect, ...]
-    evidence: tuple[Evidence, ...]
-    baselines: Mapping[str, Interval]
-    last_s: float
-    decidable: int
 
 
 def verdict_of_actuator(
@@ -93,35 +76,6 @@ def verdict_of_actuator(
         indicators=tuple(_rounded_indicator(indicator) for indicator in findings.indicators),
         own=() if silent else findings.own,
         **said(*reasons),
-    )
-
-
-def against_baseline(
-    verdict: Verdict, found: BaselineFindings, *, start_utc: datetime, end_s: float
-) -> Verdict:
-    """Return a verdict on a flight alone, updated by the comparison with the actuator's own baseline.
-
-    ``end_s`` is the end of the log, in flight time.
-    """
-    silent = _is_silent(found.last_s, end_s)
-    decidable = max(verdict.coverage.decidable, found.decidable)
-    reasons = {}
-    if found.condition != "undecided":
-        reasons = said(*([_silence(found.last_s, end_s, found.condition)] if silent else []))
-    return verdict.model_copy(
-        update={
-            "condition": "undecided" if silent else found.condition,
-            "worst": found.worst,
-            "suspects": rounded_suspects(found.suspects),
-            "coverage": verdict.coverage.model_copy(update={"decidable": decidable}),
-            "since": since(None if silent else found.since_s, start_utc),
-            "evidence": tuple(_rounded_evidence(evidence) for evidence in found.evidence),
-            "indicators": tuple(
-                _rounded_indicator(one.model_copy(update={"baseline": found.baselines.get(one.fault)}))
-                for one in verdict.indicators
-            ),
-            **reasons,
-        }
     )
 
 
@@ -264,7 +218,11 @@ def _rounded_indicator(indicator: Indicator) -> Indicator:
     return indicator.model_copy(
         update={
             "value": indicator.value.significant(5),
-            "scatter": None if indicator.scatter is None else float(f"{indicator.scatter:.4g}"),
+            **{
+                name: float(f"{value:.5g}")
+                for name in ("scatter", "mean", "mean_error")
+                if (value := getattr(indicator, name)) is not None
+            },
             "baseline": indicator.baseline and indicator.baseline.significant(5),
         }
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from datetime import UTC, datetime
 from functools import cache
 
@@ -11,20 +12,20 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from benchmarks._fleet import compared
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.telemetry import tier_named
 from mavhums.core.quantities import KEYS, column
-from mavhums.engine.events import Event
-from mavhums.flights.compare import ActuatorComparison, events_of
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
+from mavhums.health.actuator.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.verdict.actuator import against_baseline, verdict_of_actuator
+from mavhums.health.verdict.actuator import verdict_of_actuator
 from mavhums.results.verdict import Coverage
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
-from tests.health.flown import Telemetry, actuator_of, compared, flown, telemetry
+from tests.health.flown import Telemetry, actuator_of, flown, telemetry
 
 TIERS = ("instrumented", "esc-signed", "esc-unsigned", "esc at the bus", "angles")
 FAULTS = {"none": 0.0, "friction": 0.7, "backlash": 0.3, "resistance": 0.3, "jam": 10.0}
@@ -103,16 +104,15 @@ def test_where_no_window_is_decidable_nothing_is_decided(
     values = seen.values.copy()
     values[~shown(seen, spans), column("V7")] = np.nan
     gave = np.tile(measured, (seen.time_s.size, 1))
-    monitor, own = Monitor(1, actuator, recorded=True), BASELINES if against else {}
-    events: list[Event] = []
+    monitor, own = Monitor(1, actuator), BASELINES if against else {}
     for block in np.array_split(np.arange(seen.time_s.size), 13):
         bus_v = None if seen.bus_v is None else seen.bus_v[block]
-        events += monitor.feed(seen.time_s[block], values[block], gave[block], bus_v)
-        agrees(compared(monitor, events, own)[1])
-    events += monitor.finish()
-    now = compared(monitor, events, own)[1]
-    agrees(now)
+        deque(monitor.feed(seen.time_s[block], values[block], gave[block], bus_v), maxlen=0)
+        agrees(compared(monitor.findings(), actuator, own))
+    deque(monitor.finish(), maxlen=0)
     findings, end_s = monitor.findings(), float(seen.time_s[-1])
+    now = compared(findings, actuator, own)
+    agrees(now)
     verdict = verdict_of_actuator(
         1,
         actuator,
@@ -124,11 +124,7 @@ def test_where_no_window_is_decidable_nothing_is_decided(
         provenance=dict.fromkeys(KEYS, "measured"),
         tier=tier_named("named"),
     )
-    if against:
-        record, again = monitor.record(whole=True), ActuatorComparison(BASELINES)
-        for event in events_of(record, 1, actuator.name):
-            again.take(event)
-        verdict = against_baseline(verdict, again.findings(record), start_utc=START, end_s=end_s)
+    verdict = compare_with_earlier_flights(verdict, own, start_utc=START, end_s=end_s)
     assert (verdict.condition, verdict.worst) == (now.condition, now.worst)
     assert verdict.coverage.decidable == now.coverage.decidable
     assert (verdict.reason is not None) == (verdict.condition == "undecided")

