@@ -48,7 +48,7 @@ def compare_with_earlier_flights(
     start_utc, end_s
         Start of flight time, and the end of the log in flight time.
     false_alarms
-        Allowed false alarms per 100 hours of the actuator, divided among its indicators.
+        Allowed false alarms per 100 hours of an indicator.
     """
     verdict = with_baselines(verdict, baselines)
     found = [*_departures(verdict, baselines, false_alarms)]
