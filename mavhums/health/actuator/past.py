@@ -60,7 +60,7 @@ def compare_with_earlier_flights(
     # Silence is never a condition, and a limit that decided keeps its onset.
     if "silent" not in verdict.reason_codes and SEVERITY[verdict.condition] < SEVERITY["degraded"]:
         changes |= {"condition": "degraded", "since": since(0.0, start_utc), **said()}
-    return with_departures(verdict, found, (0.0, end_s), "over the whole flight", changes)
+    return with_departures(verdict, found, (0.0, end_s), "over the whole flight", changes=changes)
 
 
 def _departures(

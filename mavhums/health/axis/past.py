@@ -120,7 +120,7 @@ def _from_the_start(verdict: Verdict, found: list[Departure], start_utc: datetim
     changes: dict[str, object] = {"effectiveness": effectiveness}
     if SEVERITY[worst] >= SEVERITY[verdict.condition]:
         changes |= {"condition": worst, "since": since(start_s, start_utc), **said()}
-    return with_departures(verdict, found, (start_s, end_s), when, changes)
+    return with_departures(verdict, found, (start_s, end_s), when, changes=changes)
 
 
 class _JudgedStretch(NamedTuple):
@@ -206,7 +206,7 @@ def _with_loss(verdict: Verdict, judged: list[_JudgedStretch], start_utc: dateti
         **said(),
     }
     when = f"from {start_s:.0f} s to {end_s:.0f} s"
-    return with_departures(verdict, [gravest], (start_s, end_s), when, changes)
+    return with_departures(verdict, [gravest], (start_s, end_s), when, changes=changes)
 
 
 def _coverage(verdict: Verdict, judged: list[_JudgedStretch]) -> Coverage:

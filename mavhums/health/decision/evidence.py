@@ -51,7 +51,8 @@ def with_departures(
     verdict: Verdict,
     found: Sequence[Departure],
     span_s: tuple[float, float],
-    when: str,
+    when: str = "",
+    *,
     changes: Mapping[str, object],
 ) -> Verdict:
     """Return a verdict with departures as evidence and suspects, the worst condition and other changes.
@@ -61,7 +62,7 @@ def with_departures(
     verdict, found
         The verdict, and at least one departure.
     span_s, when
-        Flight times from and to which they hold, and the same in words.
+        Flight times from and to which they hold, and the same in words where their rules do not say it.
     changes
         Further fields.
     """
@@ -74,7 +75,7 @@ def with_departures(
             end_s=span_s[1],
             value=round(one.value, 4),
             limit=one.limit,
-            rule=f"{one.rule}, {when}",
+            rule=f"{one.rule}, {when}" if when else one.rule,
         )
         for one in found
     ]

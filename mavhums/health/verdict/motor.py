@@ -21,6 +21,8 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import t_quantile
 from mavhums.health.decision.baseline import Baseline, ComparedIndicator, with_baselines
 from mavhums.health.decision.conditions import since
+from mavhums.health.decision.evidence import Departure, with_departures
+from mavhums.health.decision.limits import MOST_CONFIDENCE
 from mavhums.health.decision.thresholds import MOST_BANK_DEG, MOST_FLIGHT_TAIL, NORMAL_S, USEFUL_RISE
 from mavhums.health.motor.heating import HEATING
 from mavhums.health.motor.monitor import TRIM, TRIM_YAW, MotorFindings, ThrustLoss, condition_of
@@ -277,7 +279,7 @@ def _beside(
     return ComparedIndicator.of(shown, known.pooled(scatter * known.mean if relative else scatter))
 
 
-def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None, tail: float) -> Evidence:
+def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None, tail: float) -> Departure:
     cause = "a worn propeller or motor"
     if yaw is None or yaw.ratio < t_quantile(yaw.freedom, tail):
         cause += ", or a weight that sits elsewhere (yaw does not show which)"
@@ -285,11 +287,10 @@ def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None, tail: float)
         f"degraded: is asked for {100 * one.difference:.0f} % more thrust beside the others than in "
         f"{one.baseline.flights} earlier flights, from the start on: {cause}"
     )
-    value = round(one.difference, 4)
-    return Evidence(kind="thrust", start_s=0.0, end_s=0.0, value=value, limit=LEAST_TRIM_CHANGE, rule=rule)
+    return Departure("thrust", "degraded", one.difference, LEAST_TRIM_CHANGE, rule, MOST_CONFIDENCE)
 
 
-def _of_growth(fault: str, one: ComparedIndicator, usual: float) -> Evidence:
+def _of_growth(fault: str, one: ComparedIndicator, usual: float) -> Departure:
     grows, mean = _GROWING[fault], one.baseline.mean
     beside = f", {grows.others} {usual:.1f} times" if usual >= 1.05 else ""
     rule = (
@@ -297,27 +298,17 @@ def _of_growth(fault: str, one: ComparedIndicator, usual: float) -> Evidence:
         f"{one.baseline.flights} earlier flights{beside}: {grows.cause}"
     )
     limit = float(f"{mean * (1.0 + USEFUL_RISE) * usual:.4g}")
-    return Evidence(
-        kind=fault, start_s=0.0, end_s=0.0, value=one.indicator.value.estimate, limit=limit, rule=rule
-    )
+    return Departure(fault, "degraded", one.indicator.value.estimate, limit, rule, MOST_CONFIDENCE)
 
 
-def _judged(verdict: Verdict, found: Evidence, start_utc: datetime, end_s: float) -> Verdict:
+def _judged(verdict: Verdict, found: Departure, start_utc: datetime, end_s: float) -> Verdict:
     """Return the verdict with what the earlier flights show; a loss in the flight itself keeps its onset."""
-    before = [item for item in verdict.evidence if item.limit is not None]
+    before = tuple(item for item in verdict.evidence if item.limit is not None)
     if SEVERITY[verdict.condition] > SEVERITY["normal"] and not before:
         return verdict
-    return verdict.model_copy(
-        update={
-            "condition": "degraded",
-            "worst": "degraded",
-            **said(),
-            "since": since(0.0, start_utc),
-            # What the test asks for: a Student's t of few flights claims more than they show.
-            "suspects": (
-                *verdict.suspects,
-                Suspect(fault=found.kind, confidence=1.0 - MOST_FLIGHT_TAIL),
-            ),
-            "evidence": (*before, found.model_copy(update={"end_s": end_s})),
-        }
+    changes: dict[str, object] = {}
+    if SEVERITY[verdict.condition] < SEVERITY["degraded"]:
+        changes = {"condition": "degraded", "since": since(0.0, start_utc), **said()}
+    return with_departures(
+        verdict.model_copy(update={"evidence": before}), [found], (0.0, end_s), changes=changes
     )

@@ -194,6 +194,14 @@ def test_a_flight_that_is_known_badly_counts_little() -> None:
     assert found.line.between == pytest.approx(0, abs=1e-3)
 
 
+def test_growth_is_said_of_one_indicator_in_2500_that_does_not_grow() -> None:
+    """It takes a Bayes factor of as many."""
+    found = [course(*history(11, 20, slope)) for slope in np.linspace(0.001, 0.006, 200)]
+    near = [one for one in found if abs(one.evidence - np.log(2500.0)) < 0.3]
+    assert {one.grows for one in near} == {False, True}
+    assert all(one.grows == (one.evidence >= np.log(2500.0)) for one in near)
+
+
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
 def test_neighbours_that_are_alike_widen_the_line(unit: float) -> None:
     """By (1 + r)/(1 − r) of their autocorrelation r, up to a limit; those that alternate do not narrow it."""

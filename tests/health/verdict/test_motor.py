@@ -18,7 +18,7 @@ from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
 from mavhums.results.reasons import Reason
-from mavhums.results.verdict import Coverage, Indicator, Interval, Verdict
+from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, Verdict
 from mavhums.vehicle.rotors import Rotors
 from tests.health.motor.test_past import QUAD
 from tests.present import present
@@ -132,7 +132,12 @@ FLIGHTS = 5
 
 
 def compared(
-    trims: list[float], yaw: float = 0.0, *, between: float = 0.03, condition: Condition = "normal"
+    trims: list[float],
+    yaw: float = 0.0,
+    *,
+    between: float = 0.03,
+    condition: Condition = "normal",
+    evidence: tuple[Evidence, ...] = (),
 ) -> list[Verdict]:
     flown = [
         Verdict(
@@ -143,6 +148,7 @@ def compared(
             worst=condition,
             coverage=Coverage(moving_fraction=1.0, windows=100, decidable=100),
             indicators=(indicator(TRIM, 0.05 + value), indicator(TRIM_YAW, 0.01 + yaw)),
+            evidence=evidence,
             reason="as it was",
         )
         for k, value in enumerate(trims, 1)
@@ -194,3 +200,15 @@ def test_a_loss_in_flight_keeps_its_verdict() -> None:
     found = compared([0.4, 0.0, 0.0, 0.0], condition="degraded")
     assert [one.evidence for one in found] == [()] * 4
     assert found[0].reason == "as it was"
+
+
+def test_wear_from_the_start_on_makes_a_loss_in_flight_no_milder() -> None:
+    lost = Evidence(kind="thrust", start_s=40.0, end_s=90.0, value=0.6, limit=0.5, rule="emergency: lost")
+    found = compared([0.4, 0.0, 0.0, 0.0], condition="emergency", evidence=(lost,))[0]
+    assert (found.condition, found.worst, found.since, found.reason) == (
+        "emergency",
+        "emergency",
+        None,
+        "as it was",
+    )
+    assert [item.condition for item in found.evidence] == ["degraded", "emergency"]
