@@ -80,10 +80,7 @@ RUNS: dict[str, list[Small]] = {
         Small("windows --scale 0.05 --workers 1", {"_against_limits.WINDOWS_HZ": (10.0,)}, slow=True),
         Small(
             "early --scale 0.2 --workers 1",
-            {
-                "_against_baseline.EARLY": ((25.0, ("takeoff",), 0.0),),
-                "_against_baseline.REFERENCE_FLIGHTS": 10,
-            },
+            {"_against_baseline.EARLY": ((25.0, ("takeoff",), 0.0),)},
             slow=True,
             compares={"| rate | modes | k_t drift": Cells(labels=3, of="of")},
         ),

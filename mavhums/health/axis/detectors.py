@@ -16,6 +16,7 @@ from mavhums.health.axis.reference import Loss, Second
 from mavhums.health.axis.residuals import Deviation, PitchTracking, Residual, RollTracking
 from mavhums.health.axis.thresholds import (
     JUDGED_ERROR,
+    PERSISTENT_S,
     SHIFT_FLOOR_RAD_S,
     SHIFT_S,
     SKID_DEVIATIONS,
@@ -80,10 +81,11 @@ class AxisDetector(Protocol):
 
 
 class Persistent:
-    """Tracks since when deviations exceed a limit, if they do so for three seconds in a row."""
+    """Tracks since when deviations exceed a limit, if they do so for ``seconds`` in a row."""
 
-    def __init__(self, limit: float) -> None:
+    def __init__(self, limit: float, seconds: int = PERSISTENT_S) -> None:
         self._limit = limit
+        self._seconds = seconds
         self._run = 0
         self._since_s = 0
 
@@ -95,7 +97,7 @@ class Persistent:
         if self._run == 0:
             self._since_s = end_s - 1
         self._run += 1
-        return self._since_s if self._run >= SHIFT_S else None
+        return self._since_s if self._run >= self._seconds else None
 
 
 class EffectivenessDetector:
@@ -161,17 +163,19 @@ class TrackingDetector:
         The model of the axis.
     limit
         Deviations from the healthy flight from which it is an emergency.
+    seconds
+        Seconds in a row for which the limit must be exceeded.
     """
 
     inspect: ClassVar[Mapping[str, str]] = {
         "tracking": "every surface of the axis, and whether the autopilot was overridden"
     }
 
-    def __init__(self, axis: str, tracking: RollTracking | PitchTracking, limit: float) -> None:
+    def __init__(self, axis: str, tracking: RollTracking | PitchTracking, limit: float, seconds: int) -> None:
         self._axis = axis
         self._limit = limit
         self._residual = Residual(tracking)
-        self._persistent = Persistent(self._limit)
+        self._persistent = Persistent(self._limit, seconds)
 
     def feed(self, given: AxisInput) -> list[Alarm]:
         """Return the seconds in which the attitude is away for certain."""
@@ -274,9 +278,9 @@ class Skids:
 DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
     HardOverDetector,
     lambda limits: EffectivenessDetector(limits, "pitch"),
-    lambda limits: TrackingDetector("pitch", PitchTracking(), limits.pitch_tracking_deviations),
+    lambda limits: TrackingDetector("pitch", PitchTracking(), limits.pitch_tracking_deviations, PERSISTENT_S),
     lambda limits: EffectivenessDetector(limits, "roll"),
-    lambda limits: TrackingDetector("roll", RollTracking(), limits.roll_tracking_deviations),
+    lambda limits: TrackingDetector("roll", RollTracking(), limits.roll_tracking_deviations, SHIFT_S),
     lambda limits: EffectivenessDetector(limits, "yaw"),
 )
 

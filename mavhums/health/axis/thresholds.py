@@ -39,7 +39,7 @@ POOLED_S: Final = 60
 # Development.
 SHIFT_FLOOR_RAD_S: Final = 0.045
 
-# Seconds over which a shift of the trim and a residual are averaged, and for which they must be away: gusts
+# Seconds over which a shift of the trim and a residual are averaged, and for which a roll must be away: gusts
 # are shorter, a hard-over lasts, and a large step of the command is followed within 2 s. Development.
 SHIFT_S: Final = 3
 
@@ -51,6 +51,10 @@ SKID_SHARES: Final = (0.1, 0.5)
 
 # Deviations of a roll that is beyond what the regression covers. Development, as above.
 UNKNOWN_ROLL_DEVIATIONS: Final = 40.0
+
+# Seconds in a row that a trim or a pitch must be away: one alone may be a gust; with three, the roll alarms
+# before the rudder that is stuck (an ALFA flight). Development.
+PERSISTENT_S: Final = 2
 
 # Time between samples beyond which no gain is determined, s: 3 Hz with jitter passes, 2 Hz does not.
 SLOW_STREAM_S: Final = 0.42

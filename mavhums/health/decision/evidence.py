@@ -86,7 +86,7 @@ def with_departures(
                 Suspect(fault=fault, confidence=confidence)
                 for fault, confidence in sorted(suspects.items(), key=lambda each: -each[1])
             ),
-            "evidence": (*evidence, *verdict.evidence),
+            "evidence": tuple(sorted((*verdict.evidence, *evidence), key=lambda each: each.start_s)),
             **changes,
         }
     )
