@@ -9,9 +9,10 @@ from contextlib import AbstractContextManager, ExitStack, closing, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple, Unpack
+from typing import Final, NamedTuple, Unpack
 
 from mavhums.app.settings import GivenOptions, Options, Settings
+from mavhums.app.sinks import Follower, Place, Recording, Report, Sink, sha256_of
 from mavhums.core.errors import MavhumsError
 from mavhums.core.packed import is_stream
 from mavhums.engine.engine import Engine
@@ -19,10 +20,6 @@ from mavhums.engine.events import StandaloneAssessment
 from mavhums.engine.options import EngineOptions
 from mavhums.log import read_blocks
 from mavhums.results.assessment import Assessment
-
-if TYPE_CHECKING:
-    from mavhums.results.assessment import Assessment
-from mavhums.app.sinks import Follower, Place, Recording, Report, Sink, sha256_of
 
 _BLOCK: Final = 1 << 22  # one or two minutes of flight; a block costs little more than a second
 _LONGEST_REASON: Final = 200  # characters of an unexpected error; some quote a whole file

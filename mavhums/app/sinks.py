@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import as_utf8, written_whole
@@ -17,10 +17,6 @@ from mavhums.core.packed import is_stream
 from mavhums.engine.events import Event
 from mavhums.log import read_blocks
 from mavhums.results.assessment import Assessment
-
-if TYPE_CHECKING:
-    from mavhums.results.assessment import Assessment
-
 
 Place = str | os.PathLike[str]
 

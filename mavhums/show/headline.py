@@ -210,17 +210,24 @@ def _what(verdict: Verdict) -> str:
     return f" {', '.join(said) or verdict.gravest}"
 
 
+_DRIFT: Final = "_drift"
+"""Ends the kind of what departs from the actuator's own baseline."""
+
+
 def _of_actuator(verdict: Verdict, kinds: dict[str, Evidence]) -> str:
     if any(kind.startswith("jam") for kind in kinds):
         return " stuck"
     if not kinds:
         return f" {verdict.gravest}"
-    kind, item = [*kinds.items()][-1]
+    # Where a limit decides, too, it says more than the own baseline.
+    kind, item = sorted(kinds.items(), key=lambda each: not each[0].endswith(_DRIFT))[-1]
+    beside = "own baseline" if kind.endswith(_DRIFT) else "limit"
+    kind = kind.removesuffix(_DRIFT)
     units = {shown.fault: shown.unit for shown in verdict.indicators} | {"friction": "N·m"}
-    if kind == "friction" and verdict.friction_nm:
+    if kind == "friction" and verdict.friction_nm and beside == "limit":
         item = item.model_copy(update={"value": verdict.friction_nm.estimate})
     unit = f" {units[kind]}" if units.get(kind, "1") != "1" else ""
-    limit = f" (limit {item.limit:.3g})" if item.limit is not None else ""
+    limit = f" ({beside} {item.limit:.3g})" if item.limit is not None else ""
     return f": {kind.replace('_', ' ')} {item.value:#.3g}{unit}{limit}"
 
 

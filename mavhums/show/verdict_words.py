@@ -143,6 +143,8 @@ def finding(item: Evidence) -> str:
         return f"{when}: {item.rule}"
     if item.kind == "friction":
         return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
+    if item.kind.endswith("_drift"):
+        return f"{when}: {item.rule}"
     return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
 
 

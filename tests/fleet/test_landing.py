@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -68,6 +69,14 @@ def test_a_log_is_judged_by_the_flights_in_a_store(run: Run, kept: Path, store: 
     assert "friction_drift" not in alone.out
     page = run("report", log, "-o", store.parent / "page.html", "--store", store, "--aircraft", "folder")
     assert page.code == ExitCode.DEGRADED
+    text = run("analyse", log, "--store", store, "--aircraft", "folder").out
+    assert re.search(r"elevator.*: friction [0-9.]+ N·m \(own baseline [0-9.]+\)", text)
+    piped = store.parent / "piped.html"
+    command = [sys.executable, "-m", "mavhums", "report", "-", "-o", str(piped), "--store", str(store)]
+    with log.open("rb") as stream:
+        subprocess.run([*command, "--aircraft", "=D-A"], stdin=stream, check=False)
+    for drawn in (store.parent / "page.html", piped):
+        assert "from its own baseline" in drawn.read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
