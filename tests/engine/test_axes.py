@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +19,11 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from tests import judge
 from tests.conftest import REAL_LOGS, needs
+from tests.engine.wired import PLANE, START_US, Wired
 from tests.fleet_logs import records
 from tests.health.axis.flights import excited
 from tests.present import present
 
-START_US = 1_700_000_000_000_000
 PROFILE = Path(__file__).parents[2] / "benchmarks" / "alfa.toml"
 
 needs_logs = needs(REAL_LOGS / "alfa")
@@ -30,57 +33,34 @@ def of(assessment: Assessment, name: str) -> Verdict:
     return next(v for v in assessment.verdicts if v.actuator == name)
 
 
-def flown(
-    seconds: int = 150,
-    *,
-    kind: int = 1,
-    left: float = 0.4,
-    parameters: bool = True,
-    speed: float = 18.0,
-    day: int = 0,
-    gain: float = 2.2,
-    trim: float = 0.0,
-    armed: bool = True,
-    lost_s: int = 90,
-    parted_s: int | None = None,
-) -> bytes:
-    """A tlog of ordinary messages at 10 Hz: a roll rate that answers to servo 1, less from ``lost_s`` on.
+@dataclass(frozen=True)
+class Ordinary(Wired):
+    """A roll rate that answers to servo 1, less from ``lost_s`` on.
 
-    ``gain`` and ``trim`` are those of the whole flight, which begins ``day`` days later; each day is another
-    flight. With ``parted_s`` the rudder, servo 4, moves half as far as servo 1 until then, and by itself
-    from then on.
+    ``gain`` and ``trim`` are those of the whole flight; each day is another flight. With ``parted_s`` the
+    rudder, servo 4, moves half as far as servo 1 until then, and by itself from then on.
     """
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    demand = excited(seconds, seed=1 + day)[::2]
-    rates = np.zeros_like(demand)
-    gains = gain * np.where(np.arange(demand.size) < 10 * lost_s, 1.0, left)
-    rudder = np.zeros_like(demand)
-    if parted_s is not None:
-        own = np.roll(demand, 37)
-        rudder = 0.5 * np.where(np.arange(demand.size) < 10 * parted_s, demand, own)
-    rates[2:] = (gains * (demand - trim))[:-2]
-    rates += 0.02 * np.random.default_rng(3 + day).normal(size=demand.size)
-    start_us = START_US + day * 86_400_000_000
-    data = bytearray()
 
-    def say(time_s: float, message: v2.MAVLink_message) -> None:
-        data.extend(struct.pack(">Q", start_us + round(time_s * 1e6)) + bytes(message.pack(link)))
+    gain: float = 2.2
+    trim: float = 0.0
+    parted_s: int | None = None
 
-    say(0.0, v2.MAVLink_heartbeat_message(kind, 3, 128 * armed, 10, 4, 3))
-    for n, (function, value) in enumerate([(1, 4), (2, 19), (4, 21)] if parameters else []):
-        name = f"SERVO{function}_FUNCTION".encode()
-        say(0.1 * n, v2.MAVLink_param_value_message(name, value, 6, 3, n))
-    for k, (wanted, rate) in enumerate(zip(demand.tolist(), rates.tolist(), strict=True)):
-        t = k / 10
-        boot_ms, boot_us = k * 100, k * 100_000
-        if k % 10 == 0:
-            say(t, v2.MAVLink_heartbeat_message(kind, 3, 128 * armed, 10, 4, 3))
-        pulses = [round(1500 + 400 * wanted), 1500, 1600, round(1500 + 400 * rudder[k]), 0, 0, 0, 0]
-        say(t, v2.MAVLink_servo_output_raw_message(boot_us, 0, *pulses))
-        say(t, v2.MAVLink_raw_imu_message(boot_us, 0, 0, -1000, round(1000 * rate), 0, 0, 0, 0, 0))
-        say(t, v2.MAVLink_attitude_message(boot_ms, 0.0, 0.0, 0.0, rate, 0.0, 0.0))
-        say(t, v2.MAVLink_vfr_hud_message(speed, speed, 0, 50, 100.0, 0.0))
-    return bytes(data)
+    def rows(self) -> Iterator[tuple[float, list[int], float]]:
+        demand = excited(self.seconds, seed=1 + self.day)[::2]
+        time_s = np.arange(demand.size) / 10
+        lasting = self.gain * np.where(time_s < self.lost_s, 1.0, self.left) * (demand - self.trim)
+        rate = np.concatenate([np.zeros(2), lasting[:-2]])
+        rate += 0.02 * np.random.default_rng(3 + self.day).normal(size=demand.size)
+        rudder = 0.5 * np.where(time_s < (self.parted_s or 0), demand, np.roll(demand, 37))
+        rudder *= self.parted_s is not None
+        for t, a, r, p in zip(*(column.tolist() for column in (time_s, demand, rudder, rate)), strict=True):
+            yield t, [round(1500 + 400 * a), 1500, 1600, round(1500 + 400 * r)], p
+
+
+def flown(seconds: int = 150, *, parameters: bool = True, **given: Any) -> bytes:
+    """A tlog of ordinary messages at 10 Hz."""
+    said = {name: value for name, value in PLANE.items() if name != "SERVO3_FUNCTION"} if parameters else {}
+    return Ordinary(**{"left": 0.4, "lost_s": 90} | given, seconds=seconds, parameters=said).tlog()
 
 
 def judged(content: bytes) -> tuple[Assessment, list[ConditionChanged]]:

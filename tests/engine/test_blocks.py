@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import pytest
@@ -24,19 +22,14 @@ from tests.engine.test_contradicted_profile import NAMED, PAPER, SWAPPED
 from tests.engine.test_engine import TIERS, packed
 from tests.engine.test_events import canonical, two_vehicles
 from tests.engine.test_steering import driven
+from tests.engine.test_traces import hovered
 from tests.engine.wired import Wired
-from tests.health.motor.test_monitor import log
 from tests.judge import judged
 from tests.strategies import blocks, cuts
 
 
 def simulated(**flight: Any) -> bytes:
     return b"".join(data for _, data in packed(fly(Flight(rate_hz=20.0, **flight))))
-
-
-def hovered() -> bytes:
-    with TemporaryDirectory() as folder:
-        return log(Path(folder) / "log.tlog", "quad x", 0.5, seed=4).read_bytes()
 
 
 DRAWN = {"vehicle_states": True}
@@ -54,13 +47,10 @@ LOGS: dict[str, tuple[Callable[[], bytes], dict[str, Any]]] = {
     "axes": (flown, DRAWN),
     "late": (Wired(seconds=130, told_s=97.3, texts=NAMED).tlog, {}),
     "motion": (Wired(seconds=130, parameters={}).tlog, {"airframe": PAPER}),
-    "withdrawn": (
-        Wired(seconds=150, coordinated_s=100.0, told_s=120.4).tlog,
-        {"airframe": SWAPPED} | DRAWN,
-    ),
+    "withdrawn": (Wired(seconds=150, coordinated_s=100.0, told_s=120.4).tlog, {"airframe": SWAPPED} | DRAWN),
     "receiver": (Wired(idle_us=0, until_s=95.3, left=0.4).tlog, {}),
     "rover": (lambda: encoded(driven(SteeringFault(200.0, 0.5))), DRAWN),
-    "quad": (hovered, DRAWN),
+    "quad": (lambda: hovered(0.5), DRAWN),
     **{path.name: (path.read_bytes, {}) for path in carried_logs()},
 }
 

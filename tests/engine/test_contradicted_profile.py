@@ -39,6 +39,7 @@ FORMATS: dict[str, Callable[[Wired], bytes]] = {
     "ulg": lambda flight: replace(flight, parameters=PX4_PLANE if flight.parameters else {}).ulog(),
 }
 ALFA = Path(__file__).parents[2] / "benchmarks" / "alfa.toml"
+NO_ALARM = {"normal", "unchanged", "undecided", "unmonitored"}
 WRONG = "servo 2 is right aileron in the profile and elevator in the log"
 
 
@@ -78,16 +79,9 @@ def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
 def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float) -> None:
     verdicts, events, _ = by_profile(FORMATS[kind](Wired(told_s=told_s)))
     assert not alarms(events)
-    assert {verdict.worst for verdict in verdicts.values()} <= {
-        "undecided",
-        "unmonitored",
-        "normal",
-        "unchanged",
-    }
+    assert {verdict.worst for verdict in verdicts.values()} <= NO_ALARM
     assert WRONG in str(verdicts["aileron_right"].reason)
-    assert verdicts["roll"].condition == "unchanged", (
-        "the whole flight is judged anew by the log's parameters"
-    )
+    assert verdicts["roll"].condition == "unchanged", "the whole flight is judged anew by the parameters"
 
 
 @pytest.mark.slow
@@ -103,12 +97,8 @@ def test_without_parameters_the_motion_contradicts(kind: str) -> None:
 
 
 def named(**servos: int) -> Airframe:
-    return Airframe(
-        name="mine",
-        actuators=tuple(
-            Actuator(name=name, servo=n, pwm_us=(1100, 1500, 1900)) for name, n in servos.items()
-        ),
-    )
+    named = (Actuator(name=name, servo=n, pwm_us=(1100, 1500, 1900)) for name, n in servos.items())
+    return Airframe(name="mine", actuators=tuple(named))
 
 
 SWAPPED = named(aileron=4, elevator=2, rudder=1)
@@ -131,10 +121,8 @@ def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airfr
     changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
     assert [change.after for change in changes][-2:] == ["emergency", "unchanged"]
     assert changes[-1].time_s == 150.0
-    told = (
-        "servo 4 is aileron in the profile and rudder in the log" if airframe else "its parameters name other"
-    )
-    assert told in changes[-1].rule
+    by_profile_ = "servo 4 is aileron in the profile and rudder in the log"
+    assert (by_profile_ if airframe else "its parameters name other") in changes[-1].rule
     roll = verdicts["roll"]
     assert (roll.condition, roll.worst, roll.evidence) == ("unchanged", "unchanged", ())
 
@@ -177,20 +165,6 @@ def test_a_surface_lost_before_take_off_is_not_laid_on_a_profile_that_the_parame
     assert confirmed["roll"].reason_codes == ("effect_uncertain",)
 
 
-def swapped(**moved: int) -> Airframe:
-    """The paper's profile with other outputs, and their ESCs."""
-    return PAPER.model_copy(
-        update={
-            "actuators": tuple(
-                one.model_copy(update={"servo": moved[one.name], "esc": moved[one.name] - 1})
-                if one.name in moved
-                else one
-                for one in PAPER.actuators
-            )
-        }
-    )
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["tlog", "BIN"])
 def test_the_telemetry_of_another_surface_is_no_verdict(tmp_path: Path, kind: str) -> None:
@@ -201,18 +175,18 @@ def test_the_telemetry_of_another_surface_is_no_verdict(tmp_path: Path, kind: st
     log = (tmp_path / "flight").read_bytes()
     right, _, _ = by_profile(log)
     assert {name for name, verdict in right.items() if verdict.worst == "emergency"} == {"elevator"}
-    verdicts, _, assessment = by_profile(log, swapped(aileron_left=3, elevator=1))
+    moved = {"aileron_left": 3, "elevator": 1}
+    outputs = {one.name: moved.get(one.name, one.servo) for one in PAPER.actuators}
+    swapped = [
+        one.model_copy(update={"servo": outputs[one.name], "esc": outputs[one.name] - 1})
+        for one in PAPER.actuators
+    ]
+    verdicts, _, assessment = by_profile(log, PAPER.model_copy(update={"actuators": tuple(swapped)}))
     assert assessment.exit_code is ExitCode.UNDECIDED
-    for name, why in (
-        (
-            "aileron_left",
-            "servo 3 is left aileron in the profile and elevator in the log (SERVO3_FUNCTION = 19)",
-        ),
-        ("elevator", "servo 1 is elevator in the profile and aileron in the log (SERVO1_FUNCTION = 4)"),
-    ):
+    for name in moved:
         found = verdicts[name]
         assert (found.condition, found.worst, found.evidence) == ("undecided", "undecided", ())
-        assert found.reason == f"the profile contradicts the log: {why}"
+        assert found.reason_codes == ("contradicts",)
     assert verdicts["aileron_right"].condition == verdicts["rudder"].condition == "normal"
 
 
@@ -222,18 +196,13 @@ def test_a_range_and_a_direction_are_said_and_the_axis_is_judged_by_the_log() ->
     ends |= {"SERVO5_MIN": 1300.0, "SERVO5_MAX": 1700.0}
     all_ = {f"SERVO{n}_{part}": us for n in (1, 2, 4, 5) for part, us in (("MIN", 1100.0), ("MAX", 1900.0))}
     all_ |= {f"SERVO{n}_REVERSED": 0.0 for n in (1, 2, 4)}
-    pair, narrow = (
-        named(aileron_left=1, aileron_right=5),
-        {"pwm_us": (1300, 1500, 1700), "travel_deg": (-20, 20)},
-    )
-    airframe = pair.model_copy(
-        update={"actuators": tuple(one.model_copy(update=narrow) for one in pair.actuators)}
-    )
+    pair = named(aileron_left=1, aileron_right=5)
+    narrow = {"pwm_us": (1300, 1500, 1700), "travel_deg": (-20, 20)}
+    actuators = tuple(one.model_copy(update=narrow) for one in pair.actuators)
+    airframe = pair.model_copy(update={"actuators": actuators})
     verdicts, _, assessment = by_profile(Wired(parameters={**PLANE, **all_, **ends}).tlog(), airframe)
     [notice, axes] = assessment.log.notices
-    assert (
-        "servo 1 (aileron_left) has 1300 to 1700 µs in the profile and 1000 to 2000 µs in the log" in notice
-    )
+    assert "servo 1 (aileron_left) has 1300 to 1700 µs in the profile and 1000 to 2000 µs" in notice
     assert "servos 1 and 5 (aileron_right) deflect the same way in the profile and opposite ways" in notice
     assert "correct pwm_us of aileron_left, travel_deg of aileron_right in the profile" in notice
     assert axes == "roll: judged by the log's parameters, which contradict the profile"
@@ -260,9 +229,8 @@ def trial(demand: dict[int, np.ndarray], rate: np.ndarray, *servos: int) -> str 
     sent = np.full((len(rate), ALL_OUTPUTS), np.nan)
     for servo, share in demand.items():
         sent[:, servo - 1] = 1500 + 400 * share
-    return contradiction(
-        rows(flight), sent, "roll", [SurfaceOutput(n, "aileron", 1500.0, 400.0) for n in servos]
-    )
+    named = [SurfaceOutput(n, "aileron", 1500.0, 400.0) for n in servos]
+    return contradiction(rows(flight), sent, "roll", named)
 
 
 @pytest.mark.slow
@@ -273,9 +241,7 @@ def test_the_motion_contradicts_wrong_outputs_alone(seed: int, noise: float) -> 
     rate = 2.2 * aileron + noise * np.random.default_rng(seed).normal(size=aileron.size)
     demand = {1: aileron, 2: elevator, 3: 0.3 * other, 5: 0.8 * aileron}
     assert trial(demand, rate, 1) == trial(demand, rate, 5) == trial(demand, rate, 1, 5) == ""
-    assert trial(demand, rate, 2) == (
-        "servo 2 does not move roll, servos 1 and 5 do: the profile may name the wrong output"
-    )
+    assert str(trial(demand, rate, 2)).startswith("servo 2 does not move roll, servos 1 and 5 do: ")
     assert str(trial(demand, rate, 1, 2)).startswith("servo 2 does not move roll, servo 1 does")
     assert str(trial(demand, rate, 2, 3)).startswith("servos 2 and 3 do not move roll, servos 1 and 5 do")
     assert trial({2: elevator, 3: other}, rate, 2) is None, "no output moves it: a surface may be lost"
@@ -290,7 +256,7 @@ def test_healthy_flights_by_another_aircrafts_profile(run: Run, name: str) -> No
     outcome = run("analyse", REAL_LOGS / "sitl" / "control" / name, "--airframe", "paper", "--json")
     assert outcome.code == ExitCode.UNDECIDED
     verdicts = {v["actuator"]: v for v in json.loads(outcome.out)["verdicts"]}
-    assert {v["worst"] for v in verdicts.values()} <= {"normal", "unchanged", "undecided", "unmonitored"}
+    assert {v["worst"] for v in verdicts.values()} <= NO_ALARM
     assert verdicts["roll"]["condition"] == "normal", "the log holds the take-off"
     assert WRONG in verdicts["aileron_right"]["reason"]
 
@@ -303,38 +269,35 @@ def test_a_flight_without_parameters_by_another_aircrafts_profile() -> None:
     assert verdicts["roll"].reason == said
 
 
+def refuted(answer: np.ndarray, output: np.ndarray, sent: dict[int, np.ndarray], *servos: int) -> str:
+    """What refutes an alarm of the roll whose ailerons are these servos; it is lost at 120 s."""
+    flight = steady(len(answer) // 20)
+    flight["roll_rate"] = 2.2 * answer + 0.02 * np.random.default_rng(2).normal(size=len(answer))
+    flight["outputs"][:, 0] = output
+    pulses = np.full((len(answer), ALL_OUTPUTS), np.nan)
+    for servo, share in sent.items():
+        pulses[:, servo - 1] = 1500 + 400 * share
+    ailerons = tuple(SurfaceOutput(servo, "aileron", 1500, 400) for servo in servos)
+    return refutation(rows(flight), pulses, "roll", ailerons, AxisLimits())
+
+
 def test_an_aileron_whose_output_stops_with_it_is_no_wrong_output() -> None:
     """The other aileron alone answers as before, and the stopped one says nothing: the alarm stands."""
-    flight = steady(180)
     demand = excited(180)
     lost = np.arange(len(demand)) >= 120 * 20
-    flight["roll_rate"] = 2.2 * demand + 0.02 * np.random.default_rng(2).normal(size=len(demand))
-    flight["outputs"][:, 0] = np.where(lost, 2.0, 1.0) * demand
-    left, right = SurfaceOutput(1, "left aileron", 1500, 400), SurfaceOutput(2, "right aileron", 1500, 400)
-    pulses = np.full((len(demand), ALL_OUTPUTS), np.nan)
-    pulses[:, 0] = np.where(lost, 1500.0, 1500 + 400 * demand)
-    pulses[:, 1] = 1500 + 400 * demand
-    assert refutation(rows(flight), pulses, "roll", (left, right), AxisLimits()) == ""
-    pulses[:, 0] = 1500 + 40 * np.random.default_rng(9).normal(size=len(demand))
-    said = refutation(rows(flight), pulses, "roll", (left, right), AxisLimits())
+    both = np.where(lost, 2.0, 1.0) * demand
+    assert refuted(demand, both, {1: np.where(lost, 0.0, demand), 2: demand}, 1, 2) == ""
+    other = 0.1 * np.random.default_rng(9).normal(size=len(demand))
+    said = refuted(demand, both, {1: other, 2: demand}, 1, 2)
     assert said.startswith("servo 1 does not move roll, servo 2 does")
 
 
 @pytest.mark.parametrize("loose", [0.25, 0.4])
 def test_a_rudder_that_moves_with_the_ailerons_does_not_refute_their_loss(loose: float) -> None:
     """It hides some of the loss, so that it raises no alarm yet: no proof that it moves the aircraft."""
-    flight = steady(135)
     demand, other = excited(135), excited(135, seed=8)
-    lost = np.arange(len(demand)) >= 120 * 20
-    noise = np.random.default_rng(2).normal(size=len(demand))
-    flight["roll_rate"] = np.where(lost, 0.5, 1.0) * 2.2 * demand + 0.02 * noise
-    flight["outputs"][:, 0] = demand
-    pulses = np.full((len(demand), ALL_OUTPUTS), np.nan)
-    pulses[:, 5], pulses[:, 3] = 1500 + 400 * demand, 1500 + 400 * (demand + loose * other)
-    assert (
-        refutation(rows(flight), pulses, "roll", (SurfaceOutput(6, "aileron", 1500, 400),), AxisLimits())
-        == ""
-    )
+    answer = np.where(np.arange(len(demand)) >= 120 * 20, 0.5, 1.0) * demand
+    assert refuted(answer, demand, {6: demand, 4: demand + loose * other}, 6) == ""
 
 
 @needs(REAL_LOGS / "alfa")

@@ -42,16 +42,8 @@ def two_vehicles() -> bytes:
     tiers = {1: ("esc-unsigned", "pwm", "named"), 2: ("instrumented",)}
     for system, kinds in tiers.items():
         link = v2.MAVLink(None, srcSystem=system, srcComponent=1)
-        record = fly(
-            Flight(
-                seed=30 + system,
-                duration_s=22.0,
-                rate_hz=20.0,
-                friction_nm={"elevator": (0.2, 1.6)},
-                tiers=kinds,
-            )
-        )
-        for time_s, message in messages(record):
+        flight = Flight(30 + system, 22.0, {"elevator": (0.2, 1.6)}, rate_hz=20.0, tiers=kinds)
+        for time_s, message in messages(fly(flight)):
             sent = rebooted(message, time_s) if system == 2 else message
             out.append((START_US + round(time_s * 1e6) + system, bytes(sent.pack(link))))
     out.append((START_US + 5_000_000, b"\xfd garbage"))

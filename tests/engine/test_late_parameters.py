@@ -26,8 +26,9 @@ from mavhums_sim.perturb import (
     repeat_parameters,
     without_parameters,
 )
-from tests.engine.test_axes import START_US, flown, of
+from tests.engine.test_axes import flown, of
 from tests.engine.test_events import canonical
+from tests.engine.wired import START_US
 from tests.fleet_logs import records
 from tests.judge import judged
 from tests.live.conftest import Rig

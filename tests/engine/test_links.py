@@ -13,25 +13,20 @@ time, the log is that of a sender whose counters differ, which exists.
 from __future__ import annotations
 
 import json
-import struct
 from functools import cache
 from typing import NamedTuple
 
 import pytest
 from hypothesis import Phase, assume, example, given, settings
 from hypothesis import strategies as st
-from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator.profile import load_airframe
-from mavhums.engine.engine import Engine
-from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.log.base.decoder import Losses
 from mavhums_sim import Flight, fly
-from mavhums_sim.telemetry import messages
+from tests.engine.test_engine import packed
 from tests.judge import judged
 from tests.links import Mishap, records, rewritten
-from tests.strategies import START_US
 
 pytest.importorskip("jsbsim", reason="the closed loop needs the extra 'sim'")
 
@@ -141,17 +136,8 @@ def test_what_comes_late_without_a_stamp_raises_no_alarm_and_hides_none(
 @cache
 def telemetry() -> list[tuple[int, int, bytes]]:
     """Return a flight whose actuators send over several messages, the elevator's friction an emergency."""
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    tiers = ("esc-signed", "pwm", "named")
-    flown = fly(
-        Flight(seed=3, duration_s=60.0, rate_hz=20.0, tiers=tiers, friction_nm={"elevator": (0.2, 1.6)})
-    )
-    return records(
-        b"".join(
-            struct.pack(">Q", START_US + round(time_s * 1e6)) + bytes(message.pack(link))
-            for time_s, message in messages(flown)
-        )
-    )
+    flight = Flight(3, 60.0, {"elevator": (0.2, 1.6)}, rate_hz=20.0, tiers=("esc-signed", "pwm", "named"))
+    return records(b"".join(data for _, data in packed(fly(flight))))
 
 
 @cache
@@ -159,11 +145,7 @@ def friction(disturbed: str = "{}") -> dict[str, tuple[str, float]]:
     """Return the condition of each actuator, and its friction."""
     latency = {int(number): lag for number, lag in json.loads(disturbed).items()}
     tlog = rewritten(telemetry(), Mishap(latency))
-    engine = Engine(EngineOptions(airframe=load_airframe("paper")))
-    for k in range(0, len(tlog), 1 << 16):
-        engine.feed(tlog[k : k + (1 << 16)])
-    engine.finish()
-    verdicts = engine.assessment().verdicts
+    verdicts = judged(tlog, size=1 << 16, airframe=load_airframe("paper"))[0].verdicts
     return {v.actuator: (v.worst, v.friction_nm.estimate) for v in verdicts if v.friction_nm is not None}
 
 
@@ -173,12 +155,7 @@ def friction(disturbed: str = "{}") -> dict[str, tuple[str, float]]:
 @settings(max_examples=6, phases=(Phase.explicit, Phase.generate))
 def test_late_servo_telemetry_is_not_lost(outputs_s: float, escs_s: float, others_s: float) -> None:
     assume(abs(outputs_s - escs_s) >= 1.0)  # outputs and ESC_STATUS, of one counter; see above
-    latency = {
-        36: outputs_s,
-        291: escs_s,
-        30: others_s,
-        251: others_s,
-    }
+    latency = {36: outputs_s, 291: escs_s, 30: others_s, 251: others_s}
     expected, found = friction(), friction(json.dumps(latency))
     assert expected["elevator"][0] == "emergency"
     assert {n: worst for n, (worst, _) in found.items()} == {n: worst for n, (worst, _) in expected.items()}

@@ -139,7 +139,6 @@ def test_jammed_ailerons_are_found_with_inferred_outputs(name: str, fault: str) 
     assert "inference" in roll.provenance["V1"]
 
 
-@pytest.mark.slow
 def test_slow_servos_are_no_emergency() -> None:
     """All servos of a flight follow with 0.6 s instead of 0.14 s; the trim wanders with the oscillation."""
     log = REAL_LOGS / "sitl" / "control" / "f14_slow_all_060.tlog"

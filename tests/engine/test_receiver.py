@@ -12,19 +12,18 @@ from tests.engine.test_axes import of
 from tests.engine.wired import PLANE, PX4_PLANE, Wired
 from tests.judge import judged
 
+Form = Literal["tlog", "dataflash", "ulog"]
 _MAP = {f"RC_MAP_{axis}": float(n) for axis, n in (("ROLL", 1), ("PITCH", 2), ("YAW", 4))}
 
 
-def roll(flight: Wired, form: Literal["tlog", "dataflash", "ulog"]) -> Verdict:
+def roll(flight: Wired, form: Form) -> Verdict:
     return of(judged(getattr(flight, form)())[0], "roll")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["tlog", "dataflash", "ulog"])
 @pytest.mark.parametrize("left", [1.0, 0.4])
-def test_the_receivers_channels_are_the_command(
-    form: Literal["tlog", "dataflash", "ulog"], left: float
-) -> None:
+def test_the_receivers_channels_are_the_command(form: Form, left: float) -> None:
     flight = Wired(parameters=PX4_PLANE | _MAP if form == "ulog" else PLANE, left=left)
     by_outputs = roll(flight, form)
     by_receiver = roll(replace(flight, idle_us=0), form)
@@ -44,11 +43,7 @@ def test_outputs_that_come_are_the_command_from_then_on() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("idle_us", "parameters", "code"),
-    [
-        (0, {}, "only_receiver"),
-        (1500, PLANE, "by_receiver"),
-    ],
+    ("idle_us", "parameters", "code"), [(0, {}, "only_receiver"), (1500, PLANE, "by_receiver")]
 )
 def test_a_command_that_is_not_known_is_told(idle_us: int, parameters: dict[str, float], code: str) -> None:
     found = roll(Wired(parameters=parameters, idle_us=idle_us), "tlog")

@@ -38,7 +38,8 @@ class Wired:
     ``left`` is the part of the aileron's effect that it keeps from ``lost_s`` on, ``told_s`` when
     the parameters are sent, ``named_s`` when the texts are, and ``coordinated_s`` until when servo 4 goes
     with servo 1; ``others`` are the pulses of servos 5 to 8, in MAVLink alone. Where ``idle_us`` is not
-    None, the receiver drives the servos ``until_s``: the outputs have that pulse, 0 for none.
+    None, the receiver drives the servos ``until_s``: the outputs have that pulse, 0 for none. The MAVLink
+    vehicle of this ``kind`` begins its flight ``day`` days later.
     """
 
     seconds: int = 170
@@ -53,6 +54,10 @@ class Wired:
     others: Callable[[float], Sequence[int]] = lambda t: (0, 0, 0, 0)
     idle_us: int | None = None
     until_s: float = 1e9
+    kind: int = 1
+    armed: bool = True
+    speed: float = 18.0
+    day: int = 0
 
     def rows(self) -> Iterator[tuple[float, list[int], float]]:
         """Yield times, pulses of servos 1 to 4, and roll rates, rad/s."""
@@ -84,18 +89,20 @@ class Wired:
         for t, pulses, p in self.rows():
             ms, us = round(t * 1e3), round(t * 1e6)
             if round(t * _RATE_HZ) % _RATE_HZ == 0:
-                sent.append((t, v2.MAVLink_heartbeat_message(1, 3, 128, 10, 4, 3)))
+                sent.append((t, v2.MAVLink_heartbeat_message(self.kind, 3, 128 * self.armed, 10, 4, 3)))
             sent += [
                 (t, v2.MAVLink_servo_output_raw_message(us, 0, *self.outputs(t, pulses), *self.others(t))),
                 (t, v2.MAVLink_raw_imu_message(us, 0, 0, -1000, round(1000 * p), 0, 0, 0, 0, 0)),
                 (t, v2.MAVLink_attitude_message(ms, 0.0, 0.0, 0.0, p, 0.0, 0.0)),
-                (t, v2.MAVLink_vfr_hud_message(_SPEED, _SPEED, 0, 50, 100.0, 0.0)),
+                (t, v2.MAVLink_vfr_hud_message(self.speed, self.speed, 0, 50, 100.0, 0.0)),
             ]
             if self.idle_us is not None:
                 sent.append((t, v2.MAVLink_rc_channels_message(ms, 4, *pulses, *[65535] * 14, 255)))
         sent.sort(key=lambda one: one[0])
-        stamped = ((struct.pack(">Q", START_US + round(t * 1e6)), bytes(m.pack(link))) for t, m in sent)
-        return b"".join(stamp + frame for stamp, frame in stamped)
+        start_us = START_US + self.day * 86_400_000_000
+        return b"".join(
+            struct.pack(">Q", start_us + round(t * 1e6)) + bytes(message.pack(link)) for t, message in sent
+        )
 
     def dataflash(self) -> bytes:
         formats = {
