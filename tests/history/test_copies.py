@@ -30,10 +30,8 @@ from tests.flights import START, flown, identity, shown, verdict
 LATER = START + timedelta(days=10_000)
 
 
-def recording(
-    flight: FlightIdentity, decidable: int = 100, log: str = "a", judged: int = 4
-) -> FlightRecording:
-    return FlightRecording(flight, Quality(judged, decidable, 12, True, log))
+def recording(flight: FlightIdentity, decidable: int = 100, log: str = "a") -> FlightRecording:
+    return FlightRecording(flight, Quality(4, decidable, 12, True, log))
 
 
 @pytest.mark.parametrize(
@@ -42,10 +40,7 @@ def recording(
         (identity(), True),
         (identity(boot_s=-45.0, begin_s=20.0, end_s=500.0), True),  # another clock, a shorter recording
         (identity(boot_s=-80.0, begin_s=-20.0, end_s=580.0), True),
-        (
-            identity(boot_s=-80.0, begin_s=590.0, end_s=606.0),
-            False,
-        ),  # began 10 s after the end, by late clocks
+        (identity(boot_s=-80.0, begin_s=590.0, end_s=606.0), False),  # began 10 s after the end
         (identity(boot_s=-100.0), False),  # switched on at another time
         (identity(board="0B"), False),
         (identity(board=None), False),
@@ -65,7 +60,6 @@ def test_recordings_of_one_flight_share_board_boot_and_half_of_their_time(
 
 
 def test_the_recording_with_more_to_judge_is_taken() -> None:
-    flight = identity()
     order = [
         Quality(4, 300, 48, True, "a"),
         Quality(4, 300, 48, False, "z"),
@@ -73,26 +67,21 @@ def test_the_recording_with_more_to_judge_is_taken() -> None:
         Quality(4, 200, 48, True, "c"),
         Quality(3, 900, 48, True, "d"),
     ]
-    for better, worse in itertools.combinations(order, 2):
-        found = superseded_recordings(
-            {"worse": FlightRecording(flight, worse), "better": FlightRecording(flight, better)}
-        )
-        assert found == {"worse": "better"}
+    for pair in itertools.combinations([FlightRecording(identity(), one) for one in order], 2):
+        assert superseded_recordings(dict(zip(("better", "worse"), pair, strict=True))) == {"worse": "better"}
 
 
 def test_one_log_of_two_flights_and_a_log_of_each() -> None:
     """Without a power cycle the logger may write one file, and the station two."""
     whole = identity(end_s=1300.0)
-    first, second = identity(end_s=600.0), identity(begin_s=700.0, end_s=1300.0)
-    best = {
-        "whole": recording(whole, 900),
-        "first": recording(first, 400, "b"),
-        "second": recording(second, 400, "c"),
+    each = {
+        "first": recording(identity(), 400, "b"),
+        "second": recording(identity(begin_s=700.0, end_s=1300.0), 400, "c"),
     }
-    assert superseded_recordings(best) == {"first": "whole", "second": "whole"}
-    rather = best | {"whole": recording(whole, 300)}
-    assert superseded_recordings(rather)["whole"] in ("first", "second")
-    assert len(superseded_recordings(rather)) == 1
+    found = superseded_recordings(each | {"whole": recording(whole, 900)})
+    assert found == {"first": "whole", "second": "whole"}
+    [(copy, counted)] = superseded_recordings(each | {"whole": recording(whole, 300)}).items()
+    assert (copy, counted in each) == ("whole", True)
 
 
 def test_flights_that_began_a_minute_apart_are_not_even_compared(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,14 +98,10 @@ spans = st.tuples(st.sampled_from([-60.0, -45.0, -30.0, -5.0]), st.integers(0, 9
 def test_which_recordings_count_does_not_depend_on_their_order(
     several: list[tuple[tuple[float, int, int], int]], order: object
 ) -> None:
-    known = {
-        number: recording(
-            identity(boot_s=boot_s, begin_s=100.0 * begin, end_s=100.0 * (begin + length)),
-            decidable,
-            str(number),
-        )
-        for number, ((boot_s, begin, length), decidable) in enumerate(several)
-    }
+    known = {}
+    for number, ((boot_s, begin, length), decidable) in enumerate(several):
+        flight = identity(boot_s=boot_s, begin_s=100.0 * begin, end_s=100.0 * (begin + length))
+        known[number] = recording(flight, decidable, str(number))
     shuffled = list(known.items())
     order.shuffle(shuffled)  # type: ignore[attr-defined]
     found = superseded_recordings(known)
@@ -133,10 +118,8 @@ def test_which_recordings_count_does_not_depend_on_their_order(
 def recorded(
     day: float, name: str, value: float, decidable: int, *, boot_s: float = -60.0, end_s: float = 600.0
 ) -> Assessment:
-    judged = verdict(shown(value))
-    judged = judged.model_copy(
-        update={"coverage": Coverage(moving_fraction=1.0, windows=decidable, decidable=decidable)}
-    )
+    covered = Coverage(moving_fraction=1.0, windows=decidable, decidable=decidable)
+    judged = verdict(shown(value)).model_copy(update={"coverage": covered})
     return flown(judged, day=day, name=name, identities=[identity(day=day, boot_s=boot_s, end_s=end_s)])
 
 
@@ -156,8 +139,7 @@ def test_baselines_and_trends_count_a_flight_once(tmp_path: Path) -> None:
     assert known.count(PastFlight.of(recorded(99, "later", 0.2, 90))) == 12
     for report in (trend_report(map(PastFlight.of, [*logged, *sent])), mavhums.trend(tmp_path / "store")):
         [trend] = report.trends
-        assert report.flights == 12
-        assert trend.flights == 12
+        assert report.flights == trend.flights == 12
         assert [point.log for point in trend.points] == [f"logged-{day}.tlog" for day in range(12)]
 
 
@@ -190,8 +172,8 @@ def test_where_the_better_recording_shows_a_fault_the_worse_is_no_reference(tmp_
 
 @pytest.mark.slow
 def test_a_flight_of_two_stations_and_the_card_counts_once(run: Run, tmp_path: Path) -> None:
-    record = fly(Flight(seed=3, duration_s=21.0, rate_hz=25.0, tiers=("csrv", "pwm")))
-    sent = fly(Flight(seed=3, duration_s=21.0, rate_hz=25.0, tiers=("instrumented",)))
+    kinds = (("csrv", "pwm"), ("instrumented",))
+    record, sent = (fly(Flight(seed=3, duration_s=21.0, rate_hz=25.0, tiers=kind)) for kind in kinds)
     logs = [tmp_path / name for name in ("one.tlog", "two.tlog", "card.BIN", "next.tlog")]
     write_tlog(sent, logs[0], Link(day=3.0))
     write_tlog(sent, logs[1], Link(day=3.0, loss=0.01, latency_s=0.2))
@@ -203,8 +185,7 @@ def test_a_flight_of_two_stations_and_the_card_counts_once(run: Run, tmp_path: P
         assert last.code != ExitCode.ERROR
     assert "also recorded" not in last.out
     told = run("analyse", logs[1], "--store", store, "--airframe", "paper", "--verbose")
-    unwrapped = "".join(told.out.split())
-    assert f"alsorecordedin{logs[2]}and{logs[0]};{logs[0]}counts" in unwrapped
+    assert f"alsorecordedin{logs[2]}and{logs[0]};{logs[0]}counts" in "".join(told.out.split())
     status = run("fleet", "status", "--store", store)
     assert f"{logs[1]}: is of the same flight as {logs[0]}, which counts" in status.out
     copies = json.loads(run("fleet", "status", "--store", store, "--json").out)["copies"]

@@ -108,17 +108,12 @@ def test_of_an_axis_only_a_healthy_flight_is_kept_for_later_ones() -> None:
 
 
 def test_only_flights_of_one_profile_and_board_may_be_one_flight(tmp_path: Path) -> None:
-    def recorded(name: str, board: str | None = "0A", airframe: str | None = "paper") -> Assessment:
-        return flown(verdict(), name=name, airframe=airframe, identities=[identity(board=board)])
-
-    others = [
-        recorded("a"),
-        recorded("b", "0B"),
-        recorded("c", None),
-        recorded("d", airframe="other"),
-        recorded("e", airframe="zebra"),
-    ]
-    write_store(tmp_path / "store", {"D-A": [*others, recorded("own")]})
-    known = earlier_flights(Store(tmp_path / "store"), "D-A")
-    near = known.near(PastFlight.of(recorded("own")))
+    cases = (("0A", "paper"), ("0B", "paper"), (None, "paper"), ("0A", "other"), ("0A", "zebra"))
+    a, *others = (
+        flown(verdict(), name=name, airframe=airframe, identities=[identity(board=board)])
+        for name, (board, airframe) in zip("abcde", cases, strict=True)
+    )
+    own = flown(verdict(), name="own", identities=[identity()])
+    write_store(tmp_path / "store", {"D-A": [a, *others, own]})
+    near = earlier_flights(Store(tmp_path / "store"), "D-A").near(PastFlight.of(own))
     assert [flight.assessment.log.path for flight in near] == ["a.tlog"]

@@ -22,7 +22,7 @@ from mavhums.flights.aircraft import (
 from mavhums.flights.history import PastFlight, recordings_of, superseded_recordings
 from mavhums.flights.reports import _kinds
 from mavhums.flights.standing import Flown, flights_left, standing_of, step_of
-from mavhums.results.standing import FlightsLeft, Growth, Standing, Step
+from mavhums.results.standing import Growth, Standing, Step
 from mavhums.results.verdict import Coverage, Evidence, Verdict
 from tests.flights import START, flown, growth, identity, left, shown, standing, verdict
 from tests.history.test_copies import recording
@@ -31,8 +31,9 @@ DAY = timedelta(days=1)
 
 
 def flight(number: int, day: float, judged: Verdict | None = None) -> Flown:
-    past = PastFlight.of(flown(judged or verdict(), day=day))
-    return Flown(number, past, past.start.isoformat(), judged or verdict(), (judged or verdict()).gravest)
+    judged = judged or verdict()
+    past = PastFlight.of(flown(judged, day=day))
+    return Flown(number, past, past.start.isoformat(), judged, judged.gravest)
 
 
 def step(at: int, *, fault: str = "friction", better: bool = True) -> Step:
@@ -45,16 +46,10 @@ def test_dates_follow_from_the_last_twenty_flights() -> None:
     several = [flight(k, 100.0 * k) for k in range(1, 6)]
     several += [flight(k, 600 + 0.5 * (k - 6)) for k in range(6, 26)]
     found = flights_left((2.0, 4.0, 8.0), several, 4.0)
-    last = START + 609.5 * DAY
-    assert found == FlightsLeft(
-        estimate=4.0,
-        low=2.0,
-        high=8.0,
-        expected_utc=(last + 2 * DAY).date().isoformat(),
-        earliest_utc=(last + 1 * DAY).date().isoformat(),
-        latest_utc=(last + 4 * DAY).date().isoformat(),
-        is_far=False,
-    )
+    dates = [(START + days * DAY).date().isoformat() for days in (610.5, 611.5, 613.5)]
+    told = dict(zip(("earliest_utc", "expected_utc", "latest_utc"), dates, strict=True))
+    assert found == left(4.0, 2.0, 8.0).model_copy(update=told)
+    assert not left(4.0, 2.0, 8.0).is_far
     far = flights_left((2.0, 4.0, inf), several, 3.9)
     assert far is not None
     assert (far.high, far.latest_utc, far.is_far) == (None, None, True)
@@ -71,8 +66,7 @@ def test_no_date_is_told_beyond_a_hundred_years(ahead: float, dated: bool) -> No
 @pytest.mark.parametrize("days", [(0.0,), (0.0, 0.0)])
 def test_flights_that_tell_no_rate_give_no_dates(days: tuple[float, ...]) -> None:
     several = [flight(k, day) for k, day in enumerate(days, 1)]
-    found = flights_left((1.0, 2.0, 3.0), several, 9.0)
-    assert found == FlightsLeft(estimate=2.0, low=1.0, high=3.0)
+    assert flights_left((1.0, 2.0, 3.0), several, 9.0) == left(2.0, 1.0, 3.0)
 
 
 @pytest.mark.parametrize(("fault", "better"), [("friction", False), ("effectiveness", True)])
@@ -86,12 +80,11 @@ def test_a_step_is_the_difference_of_five_flights_before_and_after(fault: str, b
 def stands(conditions: str, steps: tuple[Step, ...] = (), grows: tuple[Growth, ...] = ()) -> Standing:
     """Return the standing after flights: d for degraded, n for normal, u for undecided, each a day later."""
     names: Mapping[str, Condition] = {"d": "degraded", "n": "normal", "u": "undecided", "e": "emergency"}
-    several = []
-    for k, letter in enumerate(conditions, 1):
-        condition = names[letter]
-        suspect = None if letter in "nu" else "friction"
-        judged = verdict(shown(0.2), condition=condition, suspect=suspect)
-        several.append(flight(k, k, judged))
+    judged = {
+        letter: verdict(shown(0.2), condition=condition, suspect=None if letter in "nu" else "friction")
+        for letter, condition in names.items()
+    }
+    several = [flight(k, k, judged[letter]) for k, letter in enumerate(conditions, 1)]
     trends: Any = [SimpleNamespace(fault=one.fault, step=one, growth=None) for one in steps]
     trends += [SimpleNamespace(fault="friction", step=None, growth=one) for one in grows]
     return standing_of(several, trends)
@@ -214,13 +207,8 @@ def test_the_quality_of_a_recording_is_of_its_vehicle_alone() -> None:
         told = {"coverage": covered, "provenance": {"V1": "x", "V5": "y"}}
         return verdict(actuator=actuator, condition=condition, vehicle=vehicle).model_copy(update=told)
 
-    several = (
-        one("elevator", "normal", 5),
-        one("rudder", "undecided", 3),
-        one("flap", "unmonitored", 0),
-        one("all", "normal", 50),
-        one("elevator", "normal", 70, vehicle=2),
-    )
+    several = [one("elevator", "normal", 5), one("rudder", "undecided", 3), one("flap", "unmonitored", 0)]
+    several += [one("all", "normal", 50), one("elevator", "normal", 70, vehicle=2)]
     [found] = recordings_of(flown(*several, identities=[identity()]))
     assert found.quality[:4] == (1, 8, 6, True)
     assert found.quality.log == flown().log.sha256

@@ -20,17 +20,15 @@ from mavhums.results.verdict import ALL, Since
 from mavhums.show.headline import headline
 from mavhums.show.standing import _change_lines
 from tests.flights import START, flown, shown, verdict
+from tests.present import present
 
 
 def history(values: list[float], *, scatter: float = 0.0, alone: float = 0.02) -> list[PastFlight]:
     """Flights of an elevator; each alone is degraded only where it lies far above the limit."""
-    rng = np.random.default_rng(len(values))
-    flights = []
-    for day, value in enumerate(values):
-        seen = value + scatter * float(rng.standard_normal())
-        condition: Condition = "degraded" if seen > 0.375 + alone else "normal"
-        flights.append(PastFlight.of(flown(verdict(shown(seen), condition=condition), day=day)))
-    return flights
+    seen = np.asarray(values) + scatter * np.random.default_rng(len(values)).standard_normal(len(values))
+    conditions: list[Condition] = ["degraded" if one > 0.375 + alone else "normal" for one in seen]
+    judged = [verdict(shown(at), condition=said) for at, said in zip(seen.tolist(), conditions, strict=True)]
+    return [PastFlight.of(flown(one, day=day)) for day, one in enumerate(judged)]
 
 
 def standing(values: list[float], **given: float) -> Standing:
@@ -42,8 +40,7 @@ def test_a_limit_that_was_crossed_stays_crossed_until_five_flights_say_otherwise
     one = standing([0.2, 0.42, 0.36, 0.42, 0.36, 0.36])
     assert (one.condition, one.last, one.since_flight, one.clear_flights) == ("degraded", "normal", 2, 2)
     assert (one.quantity, one.limit) == ("Coulomb friction", 0.375)
-    assert one.value is not None
-    assert one.value.estimate == pytest.approx(0.42)
+    assert present(one.value).estimate == pytest.approx(0.42)
     cleared = standing([0.2, 0.42, *[0.36] * 5])
     assert (cleared.condition, cleared.since_flight) == ("normal", None)
 
@@ -63,9 +60,8 @@ def test_a_repair_ends_the_state_recorded_or_not() -> None:
     worn = [0.45] * 12
     mended = [*worn, 0.21, 0.22, 0.21]
     unrecorded = standing(mended, scatter=0.004)
-    assert unrecorded.condition == "normal"
-    assert unrecorded.step is not None
-    assert (unrecorded.step.flight, unrecorded.step.better) == (13, True)
+    step = present(unrecorded.step)
+    assert (unrecorded.condition, step.flight, step.better) == ("normal", 13, True)
     recorded = trend_report(history(mended[:13]), repaired={"elevator": START + timedelta(days=11.5)})
     assert recorded.standings[0].condition == "normal"
     assert standing(mended[:13], scatter=0.004).condition == "degraded"
@@ -75,15 +71,12 @@ def test_what_grows_is_told_with_the_dates_of_its_limits_before_it_reaches_them(
     grown = history([0.21 + 0.005 * day for day in range(24)], scatter=0.008)
     one = trend_report(grown).standings[0]
     assert one.condition == "normal"
-    assert one.growth is not None
-    left = one.growth.to_degraded
-    assert left is not None
+    left, later = (
+        present(limit) for limit in (present(one.growth).to_degraded, present(one.growth).to_emergency)
+    )
     assert left.low <= (0.375 - 0.21) / 0.005 - 23 <= (left.high or np.inf)
-    assert left.expected_utc is not None
-    assert left.expected_utc > "2026-03-24"
+    assert present(left.expected_utc) > "2026-03-24"
     assert not left.is_far
-    later = one.growth.to_emergency
-    assert later is not None
     assert later.low <= (0.875 - 0.21) / 0.005 - 23 <= (later.high or np.inf)
     assert later.is_far, "110 flights ahead are more than three times the 23 that it looks back"
     assert one.is_finding
@@ -99,13 +92,8 @@ def test_trends_come_worst_first_then_soonest_then_nearest_to_the_limit() -> Non
             condition: Condition = "degraded" if name == "worn" else "normal"
             several.append(verdict(seen, actuator=name, condition=condition))
         flights.append(PastFlight.of(flown(*several, day=day)))
-    assert [one.actuator for one in trend_report(flights).trends] == [
-        "worn",
-        "grows",
-        "near",
-        "a far",
-        "b far",
-    ]
+    names = [one.actuator for one in trend_report(flights).trends]
+    assert names == ["worn", "grows", "near", "a far", "b far"]
 
 
 def test_an_axis_loses_down_to_its_shares_of_the_first_flights() -> None:
@@ -118,24 +106,18 @@ def test_an_axis_loses_down_to_its_shares_of_the_first_flights() -> None:
         roll = verdict(one, actuator="roll").model_copy(update={"subject": "axis", "limits": limits})
         flights.append(PastFlight.of(flown(roll, day=day)))
     [found] = trend_report(flights).trends
-    assert found.baseline is not None
-    assert found.baseline.estimate == pytest.approx(1.0, abs=0.01)
-    mean = found.baseline.estimate
+    mean = present(found.baseline).estimate
+    assert mean == pytest.approx(1.0, abs=0.01)
     assert [found.limit, found.emergency] == pytest.approx([0.7 * mean, 0.5 * mean])
-    assert found.level is not None
-    assert found.per_flight is not None
-    assert found.level.low < 0.77 < found.level.high
-    assert found.level.high - found.level.low < 0.02
-    assert found.per_flight.low <= -0.01 <= found.per_flight.high < 0.0
-    assert found.level.estimate == pytest.approx(0.77, abs=0.01)
-    assert found.per_flight.estimate == pytest.approx(-0.01, abs=0.001)
-    assert found.growth is not None
-    assert found.growth.per_flight.low <= found.growth.per_flight.estimate <= found.growth.per_flight.high < 0
-    for left, limit in ((found.growth.to_degraded, 0.7), (found.growth.to_emergency, 0.5)):
-        assert left is not None
-        assert left.estimate == pytest.approx((0.77 - limit * mean) / 0.01, abs=1.5)
-    assert found.change is not None
-    assert found.change.estimate == pytest.approx(-0.23, abs=0.01)
+    level, per_flight, grows = present(found.level), present(found.per_flight), present(found.growth)
+    assert level.low < 0.77 < level.high < level.low + 0.02
+    assert level.estimate == pytest.approx(0.77, abs=0.01)
+    assert per_flight.low <= -0.01 <= per_flight.high < 0.0
+    assert per_flight.estimate == pytest.approx(-0.01, abs=0.001)
+    assert grows.per_flight.low <= grows.per_flight.estimate <= grows.per_flight.high < 0
+    for left, limit in ((grows.to_degraded, 0.7), (grows.to_emergency, 0.5)):
+        assert present(left).estimate == pytest.approx((0.77 - limit * mean) / 0.01, abs=1.5)
+    assert present(found.change).estimate == pytest.approx(-0.23, abs=0.01)
     assert [point.highest for point in found.points] == [None] * 24
     assert [point.flight for point in found.points] == [*range(1, 25)]
 
@@ -200,8 +182,7 @@ def test_a_fault_of_an_earlier_flight_is_not_dated_to_this_one(since_s: float, s
 
 def test_the_baseline_is_the_level_before_the_growth() -> None:
     grown = [shown(0.213 + 0.005 * day + 0.004 * np.cos(2.4 * day)) for day in range(20)]
-    known = Baseline.of(grown)
-    assert known is not None
+    known = present(Baseline.of(grown))
     assert known.mean == pytest.approx(0.213, abs=0.008)
     prediction = known.prediction()
     assert prediction.high - prediction.low < 0.03

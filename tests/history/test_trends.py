@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,8 @@ from mavhums.flights.compare import compared
 from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.health.decision.baseline import Baseline
-from mavhums.results.verdict import Evidence, Interval
+from mavhums.results.standing import TrendReport
+from mavhums.results.verdict import Evidence, Indicator, Interval
 from mavhums.show.standing import sentence
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.dataflash import records as rows
@@ -32,6 +33,7 @@ from tests.conftest import Run
 from tests.fleet.stores import table, write_store
 from tests.fleet_logs import records
 from tests.flights import START, flown, shown, verdict, write_wear
+from tests.present import present
 
 
 @pytest.fixture(scope="module")
@@ -96,24 +98,27 @@ def test_the_table_has_a_row_for_each_flight(run: Run, worn: Path, tmp_path: Pat
     assert "use the extension .parquet or .csv" in bad.err
 
 
+def wearing(
+    count: int, per_flight: float, shows: Callable[[float, int], Indicator | None] = lambda at, day: shown(at)
+) -> TrendReport:
+    """The report of flights in which the friction grows by so much each."""
+    flights = []
+    for day in range(count):
+        one = shows(0.225 + per_flight * day + 0.003 * np.cos(2.4 * day), day)
+        flights.append(PastFlight.of(flown(verdict(*filter(None, [one])), day=day)))
+    return trend_report(flights)
+
+
 def test_flights_that_could_not_be_judged_count() -> None:
     """Wear goes on while nobody looks: every other flight shows nothing, and counts."""
-    flights = []
-    for day in range(40):
-        value = 0.225 + 0.01 * day + 0.003 * np.cos(2.4 * day)
-        indicators = () if day % 2 else (shown(value),)
-        flights.append(PastFlight.of(flown(verdict(*indicators), day=day)))
-    (one,) = trend_report(flights).trends
+    (one,) = wearing(40, 0.01, lambda at, day: None if day % 2 else shown(at)).trends
     assert one.flights == 40
     assert [point.flight for point in one.points] == list(range(1, 40, 2))
-    assert one.per_flight is not None
-    assert one.per_flight.estimate == pytest.approx(0.01, rel=0.02)
+    assert present(one.per_flight).estimate == pytest.approx(0.01, rel=0.02)
 
 
 def test_what_grows_without_an_emergency_limit_has_no_remaining_life() -> None:
-    values = [0.225 + 0.02 * day + 0.003 * np.cos(2.4 * day) for day in range(20)]
-    flights = [flown(verdict(shown(value, fault="backlash")), day=day) for day, value in enumerate(values)]
-    (one,) = trend_report(map(PastFlight.of, flights)).trends
+    (one,) = wearing(20, 0.02, lambda at, _: shown(at, fault="backlash")).trends
     assert (one.flights_left, one.reason) == (None, "it grows, but has no emergency limit")
 
 
@@ -121,14 +126,12 @@ def test_what_all_flights_share_makes_no_line_uncertain() -> None:
     """The torque scale widens every interval alike, and bends no line."""
 
     def wear(half: float) -> float:
-        flights = []
-        for day in range(20):
-            one = shown(0.225 + 0.02 * day + 0.003 * np.cos(2.4 * day))
-            value = one.value
-            wide = Interval(estimate=value.estimate, low=value.estimate - half, high=value.estimate + half)
-            flights.append(flown(verdict(one.model_copy(update={"value": wide})), day=day))
-        left = trend_report(map(PastFlight.of, flights)).trends[0].flights_left
-        assert left is not None
+        def wide(at: float, _: int) -> Indicator:
+            return shown(at).model_copy(
+                update={"value": Interval(estimate=at, low=at - half, high=at + half)}
+            )
+
+        left = present(wearing(20, 0.02, wide).trends[0].flights_left)
         return left.high - left.low
 
     assert wear(0.1) == wear(0.004)
@@ -136,16 +139,14 @@ def test_what_all_flights_share_makes_no_line_uncertain() -> None:
 
 def test_flights_of_one_window_are_weighted_by_their_interval() -> None:
     def level(error: float) -> float:
-        flights = []
-        for day in range(20):
-            one = shown(0.225 + 0.02 * day + 0.003 * np.cos(2.4 * day), error=error if day == 9 else 0.002)
-            alone = one.model_copy(update={"windows": 1, "scatter": None})
-            flights.append(PastFlight.of(flown(verdict(alone), day=day)))
-        (one_trend,) = trend_report(flights).trends
+        def alone(at: float, day: int) -> Indicator:
+            one = shown(at, error=error if day == 9 else 0.002)
+            return one.model_copy(update={"windows": 1, "scatter": None})
+
+        (one_trend,) = wearing(20, 0.02, alone).trends
         assert one_trend.baseline is None
         assert one_trend.change is None
-        assert one_trend.level is not None
-        return one_trend.level.estimate
+        return present(one_trend.level).estimate
 
     assert level(0.002) != level(0.02)
 
@@ -167,9 +168,9 @@ def test_flights_that_only_their_files_date_are_in_the_order_of_boots(tmp_path: 
             ]
             write_records(told, path)
             os.utime(path, (written_s, written_s))
-            judged = [verdict(shown(0.22 + 0.01 * boots + 0.001 * (boots % 3)))]
-            assessment = mavhums.analyse(path)
-            flights.append(PastFlight.of(assessment.model_copy(update={"verdicts": tuple(judged)})))
+            judged = verdict(shown(0.22 + 0.01 * boots + 0.001 * (boots % 3)))
+            assessment = mavhums.analyse(path).model_copy(update={"verdicts": (judged,)})
+            flights.append(PastFlight.of(assessment))
         return trend_report(flights).trends
 
     [right], [wrong] = trend(range(8)), trend([3, 2, 7, 0, 1, 6, 5, 4])
@@ -188,12 +189,11 @@ def test_a_repair_is_told_by_its_date(run: Run, tmp_path: Path) -> None:
         flights.append(flown(*both, day=day))
     store = tmp_path / "store"
     write_store(store, {"D-A": flights})
-    before = json.loads(run("trend", "--store", tmp_path / "store", "--json").out)["trends"]
+    before = json.loads(run("trend", "--store", store, "--json").out)["trends"]
     elevator = next(one for one in before if one["actuator"] == "elevator")
-    assert elevator["step"]["flight"] == 21
-    assert elevator["step"]["better"]
+    assert (elevator["step"]["flight"], elevator["step"]["better"]) == (21, True)
     assert elevator["growth"]["since_flight"] >= 21
-    told = " ".join(run("trend", "--store", tmp_path / "store").out.split())
+    told = " ".join(run("trend", "--store", store).out.split())
     assert "fell by 0.2" in told
     assert "in one step at flight 21 (2026-03-21): a repair or swap?" in told
     date = (START + timedelta(days=20)).date().isoformat()
@@ -218,11 +218,9 @@ def test_one_odd_flight_is_named(run: Run, tmp_path: Path) -> None:
 
 
 def test_aircraft_and_profiles_are_kept_apart(run: Run, tmp_path: Path) -> None:
-    flights = []
-    for day in range(9):
-        two = (verdict(shown(0.2)), verdict(shown(0.3), vehicle=2))
-        flights.append(flown(*two, day=day))
-        flights.append(flown(verdict(shown(0.4)), day=day, name=f"other-{day}", airframe="other"))
+    flights = [flown(verdict(shown(0.2)), verdict(shown(0.3), vehicle=2), day=day) for day in range(9)]
+    other = verdict(shown(0.4))
+    flights += [flown(other, day=day, name=f"other-{day}", airframe="other") for day in range(9)]
     write_store(tmp_path / "store", {"D-A": flights})
     report = mavhums.trend(tmp_path / "store")
     shown_of = {(one.vehicle, one.airframe): {p.value.estimate for p in one.points} for one in report.trends}
@@ -245,7 +243,7 @@ def test_aircraft_and_profiles_are_kept_apart(run: Run, tmp_path: Path) -> None:
 def test_the_exit_code_is_of_the_last_flight(
     run: Run, tmp_path: Path, last: Condition, indicator: bool, code: ExitCode
 ) -> None:
-    indicators = (shown(0.2),) if indicator else ()
+    indicators = (shown(0.2),) * indicator
     conditions: tuple[Condition, ...] = ("normal", "normal", last)
     flights = [flown(verdict(*indicators, condition=one), day=day) for day, one in enumerate(conditions)]
     write_store(tmp_path / "store", {"D-A": flights})
@@ -261,32 +259,20 @@ def test_the_exit_code_is_of_the_last_flight(
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["trend"], ExitCode.ERROR, "mavhums analyse LOG --keep"),
-        (["trend", "--store", "/nowhere"], ExitCode.ERROR, "/nowhere: no store of flights"),
-        (["trend", "D-B", "--store", "WORN"], ExitCode.ERROR, "the store has: D-A"),
-        (
-            ["trend", "--store", "WORN", "--actuator", "flap"],
-            ExitCode.ERROR,
-            "the flights show: elevator, rudder",
-        ),
-        (
-            ["trend", "--store", "WORN", "--fault", "frictoin"],
-            ExitCode.ERROR,
-            "the flights show: effectiveness, friction",
-        ),
-        (
-            ["fleet", "repairs", "--store", "WORN", "--add", "flap=2026-03-01"],
-            ExitCode.ERROR,
-            "no actuator flap",
-        ),
-        (["fleet", "repairs", "--store", "WORN", "--add", "March"], ExitCode.USAGE, "write 2026-03-01"),
-        (["analyse", "x.tlog", "--keep", "--store", "none"], ExitCode.USAGE, "--keep needs a store"),
+        ("trend", ExitCode.ERROR, "mavhums analyse LOG --keep"),
+        ("trend --store /nowhere", ExitCode.ERROR, "/nowhere: no store of flights"),
+        ("trend D-B --store WORN", ExitCode.ERROR, "the store has: D-A"),
+        ("trend --store WORN --actuator flap", ExitCode.ERROR, "the flights show: elevator, rudder"),
+        ("trend --store WORN --fault frictoin", ExitCode.ERROR, "the flights show: effectiveness, friction"),
+        ("fleet repairs --store WORN --add flap=2026-03-01", ExitCode.ERROR, "no actuator flap"),
+        ("fleet repairs --store WORN --add March", ExitCode.USAGE, "write 2026-03-01"),
+        ("analyse x.tlog --keep --store none", ExitCode.USAGE, "--keep needs a store"),
     ],
 )
 def test_mistakes_are_one_line_and_a_remedy(
-    run: Run, worn: Path, arguments: list[str], code: ExitCode, message: str
+    run: Run, worn: Path, arguments: str, code: ExitCode, message: str
 ) -> None:
-    outcome = run(*(str(worn) if argument == "WORN" else argument for argument in arguments))
+    outcome = run(*arguments.replace("WORN", str(worn)).split())
     assert outcome.code == code
     assert message in outcome.err
     assert "Traceback" not in outcome.err
@@ -295,18 +281,11 @@ def test_mistakes_are_one_line_and_a_remedy(
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Three short healthy flights, a day apart."""
-    folder = tmp_path_factory.mktemp("logs")
-    paths = []
-    for day in range(3):
-        paths.append(folder / f"flight-{day}.tlog")
+    paths = [tmp_path_factory.getbasetemp() / f"flight-{day}.tlog" for day in range(3)]
+    for day, path in enumerate(paths):
         record = fly(Flight(seed=40 + day, duration_s=15.0, rate_hz=25.0))
-        write_tlog(record, paths[-1], Link(day=59.0 + day))  # the first of March
+        write_tlog(record, path, Link(day=59.0 + day))  # the first of March
     return paths
-
-
-def only_aircraft(store: Path) -> str:
-    (name,) = (str(row["name"]) for row in table(store, "aircraft"))
-    return name
 
 
 def test_one_command_after_each_landing_keeps_the_history(
@@ -327,7 +306,7 @@ def test_one_command_after_each_landing_keeps_the_history(
     assert "Compared with 2 earlier flights" in run("analyse", logs[2]).out
     assert "Compared with" not in run("analyse", logs[2], "--store", "none").out
     assert "3 flights" in run("trend").out
-    name = only_aircraft(store)
+    (name,) = (str(row["name"]) for row in table(store, "aircraft"))
     several = run("analyse", *logs, "--keep", "--store", tmp_path / "at-once", "--json")
     assert several.code == ExitCode.OK
     assert fleet.verdicts(tmp_path / "at-once", name) == fleet.verdicts(store, name)
@@ -384,22 +363,15 @@ def test_a_fault_without_an_indicator_is_told_as_analyse_told_it(run: Run, tmp_p
 
 def test_an_emergency_is_listed_with_its_highest_value_and_its_end(run: Run, tmp_path: Path) -> None:
     """The mean of a flight in which friction grows lies below the limit that was passed."""
-    grew = verdict(shown(0.56), condition="emergency").model_copy(
-        update={
-            "friction_nm": Interval(estimate=0.93, low=0.92, high=0.94),
-            "evidence": (
-                Evidence(kind="friction", start_s=0.0, end_s=70.0, value=0.37, limit=0.375, rule="normal"),
-                Evidence(
-                    kind="friction", start_s=70.0, end_s=99.0, value=0.951, limit=0.875, rule="emergency"
-                ),
-            ),
-        }
-    )
+    found = Evidence(kind="friction", start_s=70.0, end_s=99.0, value=0.951, limit=0.875, rule="emergency")
+    before = found.model_copy(update={"start_s": 0.0, "end_s": 70.0, "value": 0.37, "rule": "normal"})
+    told = {"friction_nm": Interval(estimate=0.93, low=0.92, high=0.94), "evidence": (before, found)}
+    grew = verdict(shown(0.56), condition="emergency").model_copy(update=told)
     write_store(tmp_path / "store", {"D-A": [flown(grew)]})
     outcome = run("trend", "--store", tmp_path / "store")
     assert outcome.code == ExitCode.EMERGENCY
-    told = " ".join(outcome.out.split())
-    assert "elevator: up to 0.951 N·m in the last flight, 0.93 N·m at its end; 0.56 N·m is its mean." in told
+    text = " ".join(outcome.out.split())
+    assert "elevator: up to 0.951 N·m in the last flight, 0.93 N·m at its end; 0.56 N·m is its mean." in text
     frame = mavhums.trend(tmp_path / "store").to_frame()
     assert frame[["estimate", "highest", "end"]].iloc[0].tolist() == [0.56, 0.951, 0.93]
     [stood] = mavhums.trend(tmp_path / "store").standings
