@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -21,19 +22,12 @@ Array = NDArray[np.float64]
 
 
 def reading(
-    column: int, frames: list[int], times_ms: list[int], values: list[float], tier: str = ""
+    column: int, frames: Sequence[int], times_ms: Sequence[int], values: Sequence[float], tier: str = ""
 ) -> Reading:
-    key = f"V{column + 1}"
-    return Reading(
-        1,
-        ACTUATOR,
-        f"{tier or TIERS[column]}-{key}",
-        tier or TIERS[column],
-        {key: "x"},
-        np.array(frames, dtype=np.int64),
-        np.array(times_ms, dtype=np.int64) * 1000,
-        in_columns([key], np.array(values)[:, None]),
-    )
+    key, tier = f"V{column + 1}", tier or TIERS[column]
+    at, times_us = np.array(frames, dtype=np.int64), np.array(times_ms, dtype=np.int64) * 1000
+    samples = in_columns([key], np.array(values)[:, None])
+    return Reading(1, ACTUATOR, f"{tier}-{key}", tier, {key: "x"}, at, times_us, samples)
 
 
 def align(batches: list[list[Reading]], loose: NDArray[np.int64] | None = None) -> tuple[Array, Array]:
@@ -47,14 +41,29 @@ def align(batches: list[list[Reading]], loose: NDArray[np.int64] | None = None) 
     return times / 1000, values
 
 
-@pytest.mark.slow
-def test_the_current_gives_the_clock_and_others_are_interpolated() -> None:
-    current = reading(4, [0, 4, 7], [10, 110, 210], [1.0, 2.0, 3.0])
-    command = reading(0, [1, 3, 6, 9], [0, 100, 200, 300], [0.0, 10.0, 20.0, 30.0])
-    times, values = align([[command, current]])
-    assert times.tolist() == [10, 110, 210]
-    assert values[:, 4].tolist() == [1.0, 2.0, 3.0]
-    assert values[:, 0] == pytest.approx([1.0, 11.0, 21.0])
+NAN = np.nan
+
+
+@pytest.mark.parametrize(
+    ("current", "command", "expected"),
+    [
+        # frames and times, ms, of the current; those of the command and its values
+        (([0, 4, 7], [10, 110, 210]), ([1, 3, 6, 9], [0, 100, 200, 300], [0, 10, 20, 30]), [1, 11, 21]),
+        (([0, 2], [10, 20]), ([1, 3], [10, 20], [5, 7]), [5, 7]),
+        (([1, 2, 3, 5], [0, 100, 31_000, 31_100]), ([0, 4], [0, 200], [0, 0]), [0, NAN, NAN, NAN]),
+    ],
+    ids=["between", "equal times", "after the horizon"],
+)  # fmt: skip
+def test_the_current_gives_the_clock_and_others_are_interpolated(
+    current: tuple[list[int], list[int]],
+    command: tuple[list[int], list[int], list[float]],
+    expected: list[float],
+) -> None:
+    sizes = [float(k) for k in range(len(current[0]))]
+    times, values = align([[reading(4, *current, sizes), reading(0, *command)]])
+    assert times.tolist() == current[1]
+    assert values[:, 4].tolist() == sizes
+    np.testing.assert_allclose(values[:, 0], expected)
 
 
 def test_a_slow_current_does_not_thin_positions() -> None:
@@ -73,12 +82,6 @@ def test_an_angle_once_a_second_is_unknown_between() -> None:
     current = reading(4, [1, 2, 4, 5], [300, 600, 1000, 1100], [1.0] * 4)
     _, values = align([[shaft, current]])
     assert np.isnan(values[1:3, 2]).all()
-
-
-def test_equal_times_need_no_interpolation() -> None:
-    current = reading(4, [0, 2], [10, 20], [1.0, 2.0])
-    angle = reading(2, [1, 3], [10, 20], [5.0, 7.0])
-    assert align([[current, angle]])[1][:, [2, 4]].tolist() == [[5.0, 1.0], [7.0, 2.0]]
 
 
 def test_the_more_trusted_source_wins_where_it_speaks() -> None:
@@ -104,49 +107,27 @@ def test_a_late_message_is_not_a_lost_one() -> None:
     assert values[1:, 0] == pytest.approx(np.arange(59) + 0.5)
 
 
-def test_what_comes_later_than_the_horizon_does_not_count() -> None:
-    current = reading(4, [1, 2, 3, 5], [0, 100, 31_000, 31_100], [1.0] * 4)
-    command = reading(0, [0, 4], [0, 200], [0.0, 0.0])
-    values = align([[current, command]])[1]
-    assert values[0, 0] == 0.0
-    assert np.isnan(values[1:, 0]).all()
-
-
-def test_a_gap_is_not_bridged() -> None:
-    current = reading(4, [0, 1, 3], [0, 1500, 3000], [1.0, 1.0, 1.0])
-    command = reading(0, [2, 4], [0, 3100], [0.0, 31.0])
-    assert np.isnan(align([[current, command]])[1][1:, 0]).all()
-
-
 @pytest.mark.slow
 @given(st.data())
 @settings(max_examples=300, deadline=None)
 def test_where_blocks_end_does_not_matter(data: st.DataObject) -> None:
     """Messages of three sources in any order, late and reordered, some from later on, cut anywhere."""
-    count = data.draw(st.integers(1, 40))
-    step_ms = data.draw(st.sampled_from([20, 200, 1000, 5000]))
+    count, step_ms = data.draw(st.integers(1, 40)), data.draw(st.sampled_from([20, 200, 1000, 5000]))
     speaks_from = {column: data.draw(st.sampled_from([0, 0, 8, 20])) for column in (0, 2, 4)}
+    late_ms = st.sampled_from([0, 0, 0, -300, 300, -8000, -40_000])
     rows = []
     for k in range(count):
         column = data.draw(st.sampled_from([c for c in (0, 2, 4) if speaks_from[c] <= k] or [4]))
-        rows.append(
-            (column, step_ms * k + data.draw(st.sampled_from([0, 0, 0, -300, 300, -8000, -40_000])), float(k))
-        )
+        rows.append((column, k, step_ms * k + data.draw(late_ms), float(k)))
 
     def batch(start: int, end: int) -> list[Reading]:
-        out = []
-        for column in (0, 2, 4):
-            mine = [(k, *rows[k][1:]) for k in range(start, end) if rows[k][0] == column]
-            if mine:
-                frames, times, values = map(list, zip(*mine, strict=True))
-                out.append(reading(column, frames, times, values))
-        return out
+        parts = ([row for row in rows[start:end] if row[0] == column] for column in (0, 2, 4))
+        return [reading(mine[0][0], *[*zip(*mine, strict=True)][1:]) for mine in parts if mine]
 
-    cuts = sorted(data.draw(st.lists(st.integers(0, count), max_size=10)))
-    bounds = [0, *cuts, count]
+    edges = [0, *sorted(data.draw(st.lists(st.integers(0, count), max_size=10))), count]
     loose = np.array(sorted(data.draw(st.sets(st.integers(0, count), max_size=10))), dtype=np.int64)
     whole = align([batch(0, count)], loose)
-    parts = align([batch(a, b) for a, b in itertools.pairwise(bounds)], loose)
+    parts = align([batch(a, b) for a, b in itertools.pairwise(edges)], loose)
     assert np.array_equal(whole[0], parts[0])
     assert np.array_equal(whole[1], parts[1], equal_nan=True)
 
@@ -161,24 +142,17 @@ def test_values_whose_time_is_blurred_are_not_combined() -> None:
     assert np.array_equal(of_other[:, 0], [5.0, np.nan, 7.0], equal_nan=True)
 
 
-def test_memory_does_not_grow() -> None:
-    aligner = Aligner(TRUST, 0.05)
-    for k in range(200):
-        frames = list(range(100 * k, 100 * k + 100))
-        times = [100 * frame for frame in frames]
-        aligner.feed([reading(4, frames, times, [1.0] * 100), reading(0, frames, times, [1.0] * 100)])
-    assert aligner.kept < 700
-
-
-def test_memory_does_not_grow_when_the_clock_falls_silent() -> None:
-    aligner = Aligner(TRUST, 0.05)
+@pytest.mark.parametrize("clock_speaks", [True, False])
+def test_memory_does_not_grow_whether_or_not_the_clock_falls_silent(clock_speaks: bool) -> None:
+    aligner, settled = Aligner(TRUST, 0.05), 0
     aligner.feed([reading(4, [0, 1], [0, 10], [1.0, 2.0])])
-    settled = 0
     for k in range(1, 200):
-        frames = list(range(100 * k, 100 * k + 100))
+        frames = range(100 * k, 100 * k + 100)
         times = [100 * frame - 10_000 for frame in frames]
-        settled += sum(part.utc_us.size for part in aligner.feed([reading(0, frames, times, [1.0] * 100)]))
-    assert settled == 2
+        columns = (4, 0) if clock_speaks else (0,)
+        new = aligner.feed([reading(column, frames, times, [1.0] * 100) for column in columns])
+        settled += sum(part.utc_us.size for part in new)
+    assert clock_speaks or settled == 2
     assert aligner.kept < 700
 
 
@@ -197,19 +171,14 @@ def test_a_source_alone_is_not_kept_waiting() -> None:
     assert settled[101:] == [[100 * k] for k in range(101, 140)]
 
 
-def test_a_sample_waits_for_the_source_that_gives_what_it_lacks() -> None:
-    current = [[reading(4, [2 * k], [100 * k], [1.0])] for k in range(140)]
+@pytest.mark.parametrize("has_all", [False, True])
+def test_a_sample_waits_for_the_source_that_gives_what_it_lacks(has_all: bool) -> None:
+    current = [
+        [both(2 * k, 100 * k) if has_all else reading(4, [2 * k], [100 * k], [1.0])] for k in range(140)
+    ]
     command = [[reading(0, [2 * k + 1], [100 * k + 30], [2.0])] for k in range(140)]
     settled = settled_by([batch for pair in zip(current, command, strict=True) for batch in pair])
-    assert settled[220] == []
-    assert settled[221] == [11_000]
-
-
-def test_a_sample_does_not_wait_for_what_it_has_itself() -> None:
-    current = [[both(2 * k, 100 * k)] for k in range(140)]
-    command = [[reading(0, [2 * k + 1], [100 * k + 30], [2.0])] for k in range(140)]
-    settled = settled_by([batch for pair in zip(current, command, strict=True) for batch in pair])
-    assert settled[220] == [11_000]
+    assert settled[220:222] == ([[11_000], []] if has_all else [[], [11_000]])
 
 
 def test_nothing_waits_for_a_source_that_died() -> None:
@@ -223,11 +192,9 @@ def test_nothing_waits_for_a_source_that_died() -> None:
 
 def both(frame: int, time_ms: int) -> Reading:
     """A message that carries command and current."""
-    values = in_columns(["V1", "V5"], np.array([[1.0, 2.0]]))
-    fields = {"V1": "x", "V5": "y"}
-    return Reading(
-        1, ACTUATOR, "both", "instrumented", fields, np.array([frame]), np.array([time_ms * 1000]), values
-    )
+    values, fields = in_columns(["V1", "V5"], np.array([[1.0, 2.0]])), {"V1": "x", "V5": "y"}
+    at, times_us = np.array([frame]), np.array([time_ms * 1000])
+    return Reading(1, ACTUATOR, "both", "instrumented", fields, at, times_us, values)
 
 
 @pytest.mark.parametrize("behind_ms", [120_000, 142_500, 155_000])
