@@ -77,51 +77,46 @@ def test_what_moves_the_same_axis_agrees(surface: str, function: float, agrees: 
 
 
 def test_surfaces_that_px4_does_not_name_contradict_nothing() -> None:
-    assert texts(one("elevator"), px4(PWM_MAIN_FUNC2=201.0, CA_SV_CS0_TYPE=12.0)) == []
-    assert texts(one("elevator"), px4(PWM_MAIN_FUNC2=201.0)) == []
+    for kind in ({"CA_SV_CS0_TYPE": 12.0}, {}):
+        assert texts(one("elevator"), px4(PWM_MAIN_FUNC2=201.0, **kind)) == []
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "agrees"),
+    ("own_us", "ends", "agrees"),
     [
-        (1100, 1900, True),
-        (1200, 1800, True),  # a profile may calibrate more than the autopilot uses
-        (1080, 1930, True),  # trimmed ends
-        (1000, 1900, False),
-        (1100, 2000, False),
+        ((1100, 1900), {"MIN": 1100, "MAX": 1900}, True),
+        ((1100, 1900), {"MIN": 1200, "MAX": 1800}, True),  # a profile may calibrate more than is used
+        ((1100, 1900), {"MIN": 1080, "MAX": 1930}, True),  # trimmed ends
+        ((1100, 1900), {"MIN": 1000, "MAX": 1900}, False),
+        ((1100, 1900), {"MIN": 1100, "MAX": 2000}, False),
+        ((1300, 1700), {}, True),  # the usual range is no statement
+        ((1300, 1700), {"MIN": 1000}, True),
+        ((1300, 1700), {"MIN": 1900, "MAX": 1100}, True),
     ],
 )
-def test_an_output_that_leaves_the_calibrated_range_contradicts(low: int, high: int, agrees: bool) -> None:
-    parameters = told(SERVO2_FUNCTION=19, SERVO2_MIN=low, SERVO2_MAX=high)
-    expected = (
-        f"servo 2 (elevator) has 1100 to 1900 µs in the profile and {low} to {high} µs in the log "
-        "(SERVO2_MIN, SERVO2_MAX)"
+def test_an_output_that_leaves_the_calibrated_range_contradicts(
+    own_us: tuple[int, int], ends: dict[str, int], agrees: bool
+) -> None:
+    profile = one("elevator", pwm_us=(own_us[0], 1500, own_us[1]))
+    found = contradictions(
+        profile, told(SERVO2_FUNCTION=19, **{f"SERVO2_{end}": us for end, us in ends.items()})
     )
-    assert texts(one("elevator"), parameters) == ([] if agrees else [expected])
-
-
-def test_the_autopilots_usual_range_is_no_statement() -> None:
-    narrow = one("elevator", pwm_us=(1300, 1500, 1700))
-    assert texts(narrow, told(SERVO2_FUNCTION=19)) == []
-    assert texts(narrow, told(SERVO2_FUNCTION=19, SERVO2_MIN=1000.0)) == []
-    assert texts(narrow, told(SERVO2_FUNCTION=19, SERVO2_MIN=1900.0, SERVO2_MAX=1100.0)) == []
+    assert [one.key for one in found] == ["pwm_us"] * (not agrees)
+    for contradiction in found:
+        assert f"1100 to 1900 µs in the profile and {ends['MIN']} to {ends['MAX']} µs" in contradiction.text
+        assert "SERVO2_MIN, SERVO2_MAX" in contradiction.text
 
 
 def test_a_range_in_other_units_contradicts() -> None:
     bus = px4(UAVCAN_SV_FUNC1=201.0, CA_SV_CS0_TYPE=3.0, UAVCAN_SV_MIN1=0.0, UAVCAN_SV_MAX1=1000.0)
-    [text] = texts(one("elevator", 33), bus)
-    assert "1100 to 1900 µs in the profile and 0 to 1000 µs" in text
+    assert [found.key for found in contradictions(one("elevator", 33), bus)] == ["pwm_us"]
 
 
-def pair(left: tuple[float, float] | None, right: tuple[float, float] | None) -> Airframe:
-    rows = (("aileron_left", 1, left), ("aileron_right", 5, right))
-    return Airframe(
-        name="pair",
-        actuators=tuple(
-            Actuator(name=name, servo=servo, pwm_us=(1100, 1500, 1900), travel_deg=travel)
-            for name, servo, travel in rows
-        ),
-    )
+def pair(*travels: tuple[float, float] | None) -> Airframe:
+    rows = zip(("aileron_left", "aileron_right"), (1, 5), travels, strict=True)
+    pwm_us = (1100, 1500, 1900)
+    actuators = (Actuator(name=name, servo=n, pwm_us=pwm_us, travel_deg=way) for name, n, way in rows)
+    return Airframe(name="pair", actuators=tuple(actuators))
 
 
 UP, DOWN = (-20.0, 20.0), (20.0, -20.0)
@@ -148,8 +143,7 @@ def test_only_the_direction_beside_one_another_counts(
     assert (found == ()) is agrees
     if not agrees:
         assert found[0].key == "travel_deg"
-        first, second = reversed_
-        assert f"(SERVO1_REVERSED = {first}; SERVO5_REVERSED = {second})" in found[0].text
+        assert "(SERVO1_REVERSED = {}; SERVO5_REVERSED = {})".format(*reversed_) in found[0].text
 
 
 def test_outputs_without_travel_take_the_logs_directions_beside_the_first() -> None:
@@ -190,11 +184,9 @@ def test_the_simulators_parameters_agree_with_the_papers_profile() -> None:
 def test_the_bridges_profile_agrees_with_an_aircraft_wired_like_it() -> None:
     bridge = load_airframe(ROOT / "bridge" / "servo_bridge.toml")
     functions = {"left aileron": 4, "right aileron": 4, "elevator": 19, "rudder": 21}
-    values = {f"SERVO{a.servo}_FUNCTION": functions[a.surface] for a in bridge.actuators}
-    ends = {
-        f"SERVO{a.servo}_{end}": us for a in bridge.actuators for end, us in (("MIN", 1100), ("MAX", 1900))
-    }
-    assert texts(bridge, told(**values, **ends)) == []
+    wired = {a.servo: {"FUNCTION": functions[a.surface], "MIN": 1100, "MAX": 1900} for a in bridge.actuators}
+    values = {f"SERVO{n}_{key}": value for n, one in wired.items() for key, value in one.items()}
+    assert texts(bridge, told(**values)) == []
 
 
 SURFACES = st.sampled_from([0, 1, 2, 4, 16, 19, 21, 24, 33, 70, 77, 78, 79, 80, 86, 110])
@@ -203,17 +195,11 @@ PULSES = st.integers(800, 2200).map(float)
 
 @st.composite
 def ardupilot(draw: st.DrawFn) -> Parameters:
-    values = {}
+    values: dict[str, float] = {}
+    kinds = {"MIN": PULSES, "MAX": PULSES, "TRIM": PULSES, "REVERSED": st.sampled_from([0.0, 1.0])}
     for n in range(1, draw(st.integers(1, 8)) + 1):
         values[f"SERVO{n}_FUNCTION"] = float(draw(SURFACES))
-        for key, value in (
-            ("MIN", PULSES),
-            ("MAX", PULSES),
-            ("TRIM", PULSES),
-            ("REVERSED", st.sampled_from([0.0, 1.0])),
-        ):
-            if draw(st.booleans()):
-                values[f"SERVO{n}_{key}"] = draw(value)
+        values |= {f"SERVO{n}_{key}": draw(value) for key, value in kinds.items() if draw(st.booleans())}
     return Parameters(1, False, values)
 
 

@@ -29,12 +29,8 @@ def refused(tmp_path: Path, old: str, new: str, count: int = 1) -> ProfileError:
 
 def test_the_paper_profile_is_the_papers_actuator() -> None:
     airframe = load_airframe("paper")
-    assert [(a.name, a.servo, a.esc) for a in airframe.actuators] == [
-        ("aileron_left", 1, 0),
-        ("aileron_right", 2, 1),
-        ("elevator", 3, 2),
-        ("rudder", 4, 3),
-    ]
+    assert [one.name for one in airframe.actuators] == ["aileron_left", "aileron_right", "elevator", "rudder"]
+    assert [(one.servo, one.esc) for one in airframe.actuators] == [(1, 0), (2, 1), (3, 2), (4, 3)]
     for actuator in airframe.actuators:
         assert (actuator.known_limits().normal, actuator.known_limits().emergency) == (0.375, 0.875)
         assert actuator.travel_deg == (-60.0, 60.0)
@@ -45,13 +41,11 @@ def test_the_paper_profile_is_the_papers_actuator() -> None:
 
 
 def test_profile_and_simulator_mean_the_same_actuator() -> None:
-    actuator = load_airframe("paper").actuators[0]
-    simulated = EmaParameters.from_data_sheet()
-    assert actuator.known_ema().gear_ratio * actuator.known_ema().torque_constant == pytest.approx(
-        simulated.torque_per_ampere, rel=1e-4
-    )
-    assert actuator.inertia_output == pytest.approx(simulated.inertia)
-    assert actuator.known_ema().resistance == pytest.approx(simulated.resistance, rel=1e-4)
+    actuator, simulated = load_airframe("paper").actuators[0], EmaParameters.from_data_sheet()
+    ema = actuator.known_ema()
+    found = ema.gear_ratio * ema.torque_constant, actuator.inertia_output, ema.resistance
+    expected = simulated.torque_per_ampere, simulated.inertia, simulated.resistance
+    assert found == pytest.approx(expected, rel=1e-4)
 
 
 def test_speeds_are_converted_by_the_gear() -> None:
@@ -91,7 +85,7 @@ def test_a_binary_profile_is_refused(tmp_path: Path) -> None:
         ('esc_side = "motor"', 'esc_side = "moter"', 19, "mend the value 'moter'"),
         (
             "[actuators.limits]",
-            "[actuators.fields.V3]\nmessage = 'HEARTBEAT'\nfeld = 'f'\n[actuators.limits]",
+            "[actuators.fields.V3]\nmessage = 'HEARTBEAT'\nfeld = 'f'",
             38,
             "did you mean field?",
         ),
@@ -157,8 +151,7 @@ def test_a_mapping_of_what_does_not_exist_is_refused(
 
 @pytest.mark.parametrize("value", ["1e300", "1e30", "-1e300", "1e-300"])
 @pytest.mark.parametrize(
-    "key",
-    ["gear_ratio", "torque_constant", "resistance", "inertia", "viscous", "normal", "pwm_us", "travel_deg"],
+    "key", "gear_ratio torque_constant resistance inertia viscous normal pwm_us travel_deg".split()
 )
 def test_huge_but_finite_values_are_an_error_with_a_place(tmp_path: Path, key: str, value: str) -> None:
     text = packaged_text()
