@@ -121,8 +121,9 @@ def test_where_blocks_end_does_not_matter(data: st.DataObject) -> None:
         rows.append((column, k, step_ms * k + data.draw(late_ms), float(k)))
 
     def batch(start: int, end: int) -> list[Reading]:
-        parts = ([row for row in rows[start:end] if row[0] == column] for column in (0, 2, 4))
-        return [reading(mine[0][0], *[*zip(*mine, strict=True)][1:]) for mine in parts if mine]
+        parts = {column: [row[1:] for row in rows[start:end] if row[0] == column] for column in (0, 2, 4)}
+        sent = {column: [*zip(*mine, strict=True)] for column, mine in parts.items() if mine}
+        return [reading(column, frames, times, values) for column, (frames, times, values) in sent.items()]
 
     edges = [0, *sorted(data.draw(st.lists(st.integers(0, count), max_size=10))), count]
     loose = np.array(sorted(data.draw(st.sets(st.integers(0, count), max_size=10))), dtype=np.int64)

@@ -48,11 +48,7 @@ def test_magnitudes_find_their_signs(flown: tuple[Array, Array]) -> None:
     voltage = motor(current, speed)
     rpm = speed * 30 / np.pi
     rate = np.degrees(speed / EMA.gear_ratio) * 1.1
-    given: dict[str, Array] = {
-        "V4": np.abs(voltage).round(2),
-        "V5": np.abs(current).round(2),
-        "V7": np.abs(rpm).round(0),
-    }
+    given = {"V4": np.abs(voltage).round(2), "V5": np.abs(current).round(2), "V7": np.abs(rpm).round(0)}
     deriver = Deriver(ACTUATOR)
     values = deriver.complete(aligned(given, "esc-unsigned", signed=False, rate=rate))
     clear = (np.abs(current) > 0.02) & (np.abs(rpm) > 150)
@@ -69,30 +65,23 @@ def test_magnitudes_find_their_signs(flown: tuple[Array, Array]) -> None:
     assert np.isnan(values[slow][:, [V["V4"], V["V5"]]]).all()
 
 
-def test_at_standstill_no_voltage_tells_which_way_the_current_flows() -> None:
-    """A current of unknown sign is missing, not zero."""
-    given = {"V4": np.array([5.66]), "V5": np.array([0.25]), "V7": np.array([0.0])}
-    values = Deriver(ACTUATOR).complete(aligned(given, "esc-unsigned", signed=False, rate=np.zeros(1)))
-    assert values[0, V["V7"]] == 0.0
-    assert np.isnan(values[0, [V["V4"], V["V5"]]]).all()
-
-
-def test_a_speed_that_the_command_does_not_explain_has_no_sign() -> None:
-    given = {"V4": np.full(3, 5.0), "V5": np.full(3, 0.1), "V7": np.array([600.0, 600.0, 0.0])}
-    rate = np.array([12.0, -60.0, np.nan])
-    values = Deriver(ACTUATOR).complete(aligned(given, "esc-unsigned", signed=False, rate=rate))
-    assert values[0, V["V7"]] == 600.0
-    assert np.isnan(values[1, V["V7"]])
-    assert values[2, V["V7"]] == 0.0
-
-
-def test_a_voltage_that_no_sign_explains_is_not_this_actuators() -> None:
-    """The ESC of a propulsion motor must not pass for a servo's."""
-    given = {"V4": np.full(2, 11.1), "V5": np.full(2, 2.0), "V7": np.full(2, 600.0)}
-    values = Deriver(ACTUATOR).complete(
-        aligned(given, "esc-unsigned", signed=False, rate=np.full(2, 600 * 6 / 300))
-    )
-    assert np.isnan(values[:, V["V5"]]).all()
+@pytest.mark.parametrize(
+    ("volts", "amperes", "rpm", "command_deg_s", "speed"),
+    [
+        (5.66, 0.25, 0.0, 0.0, 0.0),  # at standstill no voltage tells which way the current flows
+        (5.0, 0.1, 600.0, 12.0, 600.0),
+        (5.0, 0.1, 600.0, -60.0, np.nan),  # the command does not explain the speed
+        (5.0, 0.1, 0.0, np.nan, 0.0),
+        (11.1, 2.0, 600.0, 12.0, 600.0),  # a propulsion motor's ESC: no sign explains the voltage
+    ],
+)
+def test_a_sign_that_nothing_explains_is_missing_and_not_zero(
+    volts: float, amperes: float, rpm: float, command_deg_s: float, speed: float
+) -> None:
+    given = {"V4": np.array([volts]), "V5": np.array([amperes]), "V7": np.array([rpm])}
+    sent = aligned(given, "esc-unsigned", signed=False, rate=np.array([command_deg_s]))
+    [values] = Deriver(ACTUATOR).complete(sent)
+    np.testing.assert_array_equal(values[[V["V7"], V["V4"], V["V5"]]], [speed, np.nan, np.nan])
 
 
 def bus(actuator: Actuator) -> Actuator:
@@ -114,9 +103,8 @@ def test_a_bus_side_esc_tells_the_motors_power_and_no_more() -> None:
 
 def test_a_bus_side_esc_without_signs_tells_nothing() -> None:
     given = {"V4": np.full(2, 27.0), "V5": np.full(2, 0.1), "V7": np.full(2, 600.0)}
-    values = Deriver(bus(ACTUATOR)).complete(
-        aligned(given, "esc-unsigned", signed=False, rate=np.full(2, 12.0))
-    )
+    sent = aligned(given, "esc-unsigned", signed=False, rate=np.full(2, 12.0))
+    values = Deriver(bus(ACTUATOR)).complete(sent)
     assert np.isnan(values[:, [V["V4"], V["V5"], V["V6"]]]).all()
 
 

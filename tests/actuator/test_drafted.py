@@ -21,13 +21,8 @@ CSRV_LOG = REAL_LOGS / "sitl" / "plane_lua_csrv.link1.tlog"
 @pytest.fixture(scope="module")
 def unnamed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An on-board log with CSRV in which the elevator jams, and nothing names a profile."""
-    flight = Flight(
-        seed=5,
-        duration_s=60.0,
-        rate_hz=50.0,
-        tiers=("csrv", "pwm"),
-        conditions={"elevator": (Condition.step("jam", 10.0, 30.0),)},
-    )
+    jam = {"elevator": (Condition.step("jam", 10.0, 30.0),)}
+    flight = Flight(seed=5, duration_s=60.0, rate_hz=50.0, tiers=("csrv", "pwm"), conditions=jam)
     path = tmp_path_factory.mktemp("drafted") / "flight.BIN"
     write_dataflash(fly(flight), path)
     content = path.read_bytes()
@@ -44,10 +39,8 @@ def test_a_jam_is_found_without_a_profile(unnamed: Path) -> None:
     assert verdicts["elevator"].worst == "emergency"
     assert "jam" in {suspect.fault for suspect in verdicts["elevator"].suspects}
     assert verdicts["elevator"].evidence[0].start_s == pytest.approx(30.0, abs=3.0)
-    assert {verdict.worst for name, verdict in verdicts.items() if name != "elevator"} <= {
-        "learning",
-        "undecided",
-    }
+    others = {verdict.worst for name, verdict in verdicts.items() if name != "elevator"}
+    assert others <= {"learning", "undecided"}
     [notice] = assessment.log.notices
     assert notice.startswith("no profile was named: one is drafted")
     assert "guessed" not in notice, "CSRV names what it sends"

@@ -64,21 +64,18 @@ def test_a_record_of_ardupilots_card_is_mapped(run: Run, card: Path, tmp_path: P
 
 
 @pytest.mark.parametrize(
-    ("message", "field", "where", "column"),
-    [
-        ("esc_status", "esc[3].esc_current", "{}", "esc[3].esc_current"),
-        ("actuator_outputs", "output[0]", "{ multi_id = 1 }", "output[0]"),
-    ],
+    ("message", "field", "where"),
+    [("esc_status", "esc[3].esc_current", "{}"), ("actuator_outputs", "output[0]", "{ multi_id = 1 }")],
 )
 def test_a_topic_of_px4s_card_is_mapped(
-    run: Run, ulog: Path, tmp_path: Path, message: str, field: str, where: str, column: str
+    run: Run, ulog: Path, tmp_path: Path, message: str, field: str, where: str
 ) -> None:
     table = mavhums.read_log(ulog, messages=[message]).messages[message]
     if "multi_id" in where:
         table = table[table["component"] == 1]
     found = exported(run, ulog, profile(tmp_path, "V7", message, field, where), tmp_path)
     assert len(found) == len(table) > 20
-    np.testing.assert_allclose(found["V7"], 2 * table[column].to_numpy(dtype=np.float64))
+    np.testing.assert_allclose(found["V7"], 2 * table[field].to_numpy(dtype=np.float64))
 
 
 @pytest.mark.parametrize(
@@ -105,21 +102,14 @@ def test_what_the_log_does_not_define_is_named(
 def test_a_record_that_the_log_does_not_have_gives_no_telemetry(run: Run, card: Path, tmp_path: Path) -> None:
     told = run("inspect", card, "--airframe", profile(tmp_path, "V3", "SERV", "Pos"))
     assert told.code == ExitCode.OK
-    [verdict] = [
-        each
-        for each in mavhums.analyse(card, mavhums.Options(airframe=tmp_path / "mine.toml")).verdicts
-        if each.subject == "actuator"
-    ]
+    verdicts = mavhums.analyse(card, mavhums.Options(airframe=tmp_path / "mine.toml")).verdicts
+    [verdict] = [each for each in verdicts if each.subject == "actuator"]
     assert verdict.condition in ("undecided", "unmonitored")
     assert verdict.remedy
 
 
 @pytest.mark.parametrize(
-    ("message", "suggested"),
-    [
-        ("NAMED_VALUE_FLOT", "NAMED_VALUE_FLOAT"),
-        ("Esc", "there are"),
-    ],
+    ("message", "suggested"), [("NAMED_VALUE_FLOT", "NAMED_VALUE_FLOAT"), ("Esc", "there are")]
 )
 def test_a_name_of_no_format_is_refused_before_any_log(tmp_path: Path, message: str, suggested: str) -> None:
     with pytest.raises(ProfileError, match=suggested):

@@ -151,7 +151,8 @@ def test_a_mapping_of_what_does_not_exist_is_refused(
 
 @pytest.mark.parametrize("value", ["1e300", "1e30", "-1e300", "1e-300"])
 @pytest.mark.parametrize(
-    "key", "gear_ratio torque_constant resistance inertia viscous normal pwm_us travel_deg".split()
+    "key",
+    ["gear_ratio", "torque_constant", "resistance", "inertia", "viscous", "normal", "pwm_us", "travel_deg"],
 )
 def test_huge_but_finite_values_are_an_error_with_a_place(tmp_path: Path, key: str, value: str) -> None:
     text = packaged_text()

@@ -101,13 +101,8 @@ def test_which_signs_are_told_does_not_depend_on_the_current() -> None:
 def test_resistance_and_noise_are_those_at_standstill(
     noise_a: float, resistance: float, rate_hz: float, seed: int
 ) -> None:
-    sent, _ = flight(
-        np.random.default_rng(seed),
-        speed_deg_s=(2.0, 8.0),
-        noise_a=noise_a,
-        resistance=resistance,
-        rate_hz=rate_hz,
-    )
+    rng, how = np.random.default_rng(seed), {"noise_a": noise_a, "resistance": resistance, "rate_hz": rate_hz}
+    sent, _ = flight(rng, speed_deg_s=(2.0, 8.0), **how)
     deriver = Deriver(ACTUATOR)
     assert winding(deriver) == pytest.approx((EMA.resistance, EMA.resistance * 0.01))
     deriver.complete(sent)

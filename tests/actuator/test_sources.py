@@ -159,7 +159,7 @@ def test_a_named_value_with_a_quantitys_name_is_that_quantity(tables: Tables, so
 
 
 def test_a_profile_maps_any_field_to_any_quantity() -> None:
-    where = {"name": "S1Pos"}
+    where: dict[str, str | int] = {"name": "S1Pos"}
     fields = {
         "V3": FieldMapping(message="NAMED_VALUE_FLOAT", field="value", where=where, scale=2.0, offset=1.0),
         "V4": FieldMapping(message="BATTERY_STATUS", field="voltages[0]", where={"id": 0}, scale=0.001),

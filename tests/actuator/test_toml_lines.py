@@ -41,26 +41,17 @@ x = 1
 '''
 
 
-@pytest.mark.parametrize(
-    ("place", "line"),
-    [
-        (("name",), 2),
-        (("note",), 3),
-        (("actuators", 0), 8),
-        (("actuators", 0, "servo"), 9),
-        (("actuators", 0, "pwm"), 10),
-        (("actuators", 0, "ema", "ratio"), 14),
-        (("actuators", 0, "fields", "V3", "field"), 15),
-        (("actuators", 0, "limits"), 16),
-        (("actuators", 0, "limits", "normal"), 17),
-        (("actuators", 1, "quoted key"), 20),
-        (("actuators", 1, "fields", "V1", "message"), 22),
-        (("actuators", 1, "part", 1, "id"), 26),
-        (("actuators", 1, "part", 1, "inner", "x"), 28),
-    ],
-)
-def test_places_have_the_line_on_which_they_begin(place: tuple[str | int, ...], line: int) -> None:
-    assert line_of(place, TEXT) == line
+PLACES = {
+    "name": 2, "note": 3, "actuators/0": 8, "actuators/0/servo": 9, "actuators/0/pwm": 10,
+    "actuators/0/ema/ratio": 14, "actuators/0/fields/V3/field": 15, "actuators/0/limits": 16,
+    "actuators/0/limits/normal": 17, "actuators/1/quoted key": 20, "actuators/1/fields/V1/message": 22,
+    "actuators/1/part/1/id": 26, "actuators/1/part/1/inner/x": 28,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("place", "line"), PLACES.items())
+def test_places_have_the_line_on_which_they_begin(place: str, line: int) -> None:
+    assert line_of(tuple(int(key) if key.isdigit() else key for key in place.split("/")), TEXT) == line
 
 
 KEYS = st.text("abc-_", min_size=1, max_size=3)
