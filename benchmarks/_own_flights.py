@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from benchmarks._fleet import ACTUATORS, MODES, added, flight
 from mavhums.core.arrays import Array
 from mavhums.health.estimation.equations import DERIVED_EQUATIONS, OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
-from mavhums.health.estimation.flight_sums import collector
+from mavhums.health.estimation.flight_sums import KEPT, OwnSums
 from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
@@ -23,9 +22,6 @@ from mavhums.results.verdict import OwnRecord
 from mavhums_sim import FlightRecord, fly
 from mavhums_sim.flight import ActuatorRecord
 from mavhums_sim.motion import simulate
-from mavhums_sim.sensors import ELECTRONICS_A, SensorNoise
-
-Bridge = Literal["feeds back", "burns"]
 
 BLANK = {
     surface: actuator.model_copy(update={"ema": None, "limits": None, "travel_deg": None})
@@ -34,7 +30,6 @@ BLANK = {
 _BY_NAME = {equation.name: equation for equation in (*OWN_EQUATIONS, *DERIVED_EQUATIONS)}
 _STEP_S = 5e-4  # of the physics: five times as fast as 0.1 ms, and the gear's wind-up still resolved
 _PULSE_DEG = 0.12
-_SUPPLY_V = 27.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +40,6 @@ class Tier:
     every: int
     airspeed: bool = True
     command: bool = False
-    bridge: Bridge | None = None
 
     @property
     def rate_hz(self) -> float:
@@ -57,10 +51,6 @@ TIERS = {
     "motor, 50 Hz": Tier(_BY_NAME["own_current"], 2),
     "motor, 25 Hz": Tier(_BY_NAME["own_current"], 4),
     "motor, 50 Hz, no airspeed": Tier(_BY_NAME["own_current"], 2, airspeed=False),
-    "bus, 100 Hz": Tier(_BY_NAME["own_power"], 1, bridge="feeds back"),
-    "bus, 50 Hz": Tier(_BY_NAME["own_power"], 2, bridge="feeds back"),
-    "bus, 25 Hz": Tier(_BY_NAME["own_power"], 4, bridge="feeds back"),
-    "bus, 50 Hz, braking burnt": Tier(_BY_NAME["own_power"], 2, bridge="burns"),
     "position, 50 Hz": Tier(_BY_NAME["own_tracking"], 2, command=True),
     "position, 25 Hz": Tier(_BY_NAME["own_tracking"], 4, command=True),
     "lag, 50 Hz": Tier(_BY_NAME["own_lag"], 2, command=True),
@@ -140,15 +130,12 @@ def _records(
     values[:, 0] = np.rint(true[:, 0] / _PULSE_DEG) * _PULSE_DEG
     if tier.command:
         values[:, 2] = true[:, 2]
-    elif tier.bridge:
-        values[:, [3, 4]] = _at_bus(tier.bridge, own, (number, *map(ord, surface)))[some]
-        values[:, 6] = np.rint(own.esc[some, 2])
     else:
         values[:, [3, 4]] = own.esc[some, :2].astype(np.float32)
         values[:, 6] = np.rint(own.esc[some, 2])
     airspeed = _airspeed(record, time_s, number) if tier.airspeed else None
-    actuator = BLANK[surface].model_copy(update={"esc_side": "bus" if tier.bridge else "motor"})
-    sums, volts, cutter = collector(tier.equation, actuator), VoltageSums(actuator), SlotCutter()
+    actuator = BLANK[surface]
+    sums, volts, cutter = OwnSums(tier.equation, actuator), VoltageSums(actuator), SlotCutter()
     for slots in (
         cutter.feed(time_s, with_extra_columns(values, np.isfinite(values), None, airspeed)),
         cutter.finish(),
@@ -157,17 +144,6 @@ def _records(
             sums.feed(slots)
             volts.feed(slots)
     return sums.record(), volts.record()
-
-
-def _at_bus(bridge: Bridge, own: ActuatorRecord, seed: tuple[int, ...]) -> Array:
-    """Return voltage and current of the supply, with sensor noise, shape (n, 2)."""
-    rng, noise, motion = np.random.default_rng(seed), SensorNoise(), own.motion
-    power = np.interp(own.time_s, motion.time_s, motion.voltage * motion.current)
-    if bridge == "burns":
-        power = np.maximum(power, 0.0)
-    supply = _SUPPLY_V - np.interp(own.time_s, motion.time_s, motion.degradation.sag)
-    current = power / supply + ELECTRONICS_A + noise.current_a * rng.standard_normal(power.size)
-    return np.column_stack([supply + noise.voltage_v * rng.standard_normal(power.size), current])
 
 
 def _airspeed(record: FlightRecord, time_s: Array, number: int) -> Array:
@@ -179,15 +155,12 @@ def _airspeed(record: FlightRecord, time_s: Array, number: int) -> Array:
     return held
 
 
-def scattered(record: OwnRecord, by: float, per_wear: Array) -> OwnRecord:
-    """Return the record that the flight would have left with so much more friction.
-
-    ``per_wear`` is the derivative of the left side with respect to friction, as weights of the columns.
-    """
+def scattered(record: OwnRecord, by: float) -> OwnRecord:
+    """Return the record that the flight would have left with so much more friction."""
     rows = np.array(record.groups)
-    size = len(per_wear)
+    size = len(KEPT)
     more = np.eye(size)
-    more[:, -1] += by * per_wear
+    more[KEPT.index("sign"), -1] += by
     grams = [more.T @ unpacked(row[1:], size) @ more for row in rows]
     groups = tuple((float(row[0]), *packed(gram)) for row, gram in zip(rows, grams, strict=True))
     return record.model_copy(update={"groups": groups})

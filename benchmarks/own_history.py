@@ -30,12 +30,10 @@ from benchmarks._fleet import (
 )
 from benchmarks._fleet import Task as Sheet
 from benchmarks._own_flights import BLANK, TIERS, Row, Task, flown, scattered
-from mavhums.core.arrays import Array
 from mavhums.health.decision.baseline import PastRecord
-from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
-from mavhums.health.estimation.wear import Law, learned, shows, wear
+from mavhums.health.estimation.wear import learned, shows, wear
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import constant_lost
 from mavhums.results.verdict import OwnRecord
@@ -46,11 +44,10 @@ FLIGHTS_BEFORE = 30  # position only shows nothing in some of them
 SCATTERS = (0.0, 0.05, 0.10)
 FLOATS, STEPS = "floats (instrumented, named)", "esc-signed, 10 mV and 10 mA"
 IDENTIFIED, IDENTIFIED_HZ = (FLOATS, "esc-signed", STEPS), (100.0, 25.0)
-SCATTERED = ("motor, 50 Hz", "bus, 50 Hz")
+SCATTERED = ("motor, 50 Hz",)
 SCANNED = (
     "motor, 50 Hz",
     "motor, 25 Hz",
-    "bus, 50 Hz",
     "position, 50 Hz",
     "position, 25 Hz",
     "lag, 50 Hz",
@@ -79,7 +76,7 @@ class Fleet:
         self.counts: Counts = defaultdict(Counter)
         self.promised: Counts = defaultdict(Counter)
         self.constant: Counter[tuple[object, ...]] = Counter()
-        self._level: dict[tuple[tuple[int, str], str], tuple[float, Array]] = {}
+        self._level: dict[tuple[tuple[int, str], str], float] = {}
         self._pasts: dict[tuple[tuple[int, str], str, int, float], list[PastRecord]] = {}
 
     def learn(self, row: Row) -> None:
@@ -127,19 +124,15 @@ class Fleet:
             return record
         aircraft, surface = row.actuator
         rng = np.random.default_rng([aircraft, len(surface), ord(surface[0]), ord(surface[-1]), number])
-        level, per_wear = self.level(row)
-        return scattered(record, scatter * level * rng.standard_normal(), per_wear)
+        return scattered(record, scatter * self.level(row) * rng.standard_normal())
 
-    def level(self, row: Row) -> tuple[float, Array]:
-        """Return an actuator's healthy level in a tier, and the derivative of the left side by wear."""
+    def level(self, row: Row) -> float:
+        """Return an actuator's healthy level in a tier."""
         key = row.actuator, row.tier
         if key not in self._level:
             individual = learned(self.reference[key])
             shown = [w.value for record in self.reference[key] if (w := wear(record, individual))]
-            per_wear = np.eye(len(KEPT))[0]
-            if isinstance(individual, Law):
-                per_wear = individual.per_friction
-            self._level[key] = float(np.mean(shown)), per_wear
+            self._level[key] = float(np.mean(shown))
         return self._level[key]
 
 

@@ -18,6 +18,7 @@ from scipy.special import ndtr
 from mavhums.core.arrays import Array
 from mavhums.health.decision.limits import tail_of
 from mavhums.health.estimation.equations.own_scale import CURRENT
+from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.least_squares import packed
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.estimation.wear import wear
@@ -25,6 +26,7 @@ from mavhums.health.self_baseline.comparison import _ReferenceFlights
 from mavhums.results.verdict import OwnRecord
 
 PARTS, SAMPLES, SECONDS, JUDGED = 16, 400.0, 180.0, 4
+_LOADED = KEPT.index("loaded")
 
 
 class Flights(NamedTuple):
@@ -65,9 +67,10 @@ def record(parts: Array) -> OwnRecord:
     """Return the record of a flight whose parts have these frictions; speed and load are orthogonal."""
     groups = []
     for friction in parts:
-        gram = np.eye(6) * SAMPLES
-        gram[0, 5] = gram[5, 0] = SAMPLES * friction
-        gram[5, 5] = SAMPLES * (friction**2 + 1e-4)
+        gram = np.eye(len(KEPT)) * SAMPLES
+        gram[_LOADED] = gram[:, _LOADED] = 0.0
+        gram[0, -1] = gram[-1, 0] = SAMPLES * friction
+        gram[-1, -1] = SAMPLES * (friction**2 + 1e-4)
         groups.append((SAMPLES, *packed(gram)))
     return OwnRecord(
         equation=CURRENT.name, setup="drawn", rate_hz=50.0, duration_s=SECONDS, groups=tuple(groups)

@@ -194,7 +194,6 @@ RUNS: dict[str, list[Small]] = {
     "response_history": [Small("FLIGHTS")],
     "severities": [Small("friction --seeds 1 --seconds 20 --workers 1", {"STEPS": 2})],
     "simulate": [Small("--quick", slow=True)],
-    "stall": [Small("--aircraft 1", slow=True)],
     "start": [Small(constants={"TIMES": 1, "PARTS": {"numpy": "import numpy"}}, slow=True)],
     "steering": [
         Small("--drives 2 --hours 0.1", compares={"| fault | vehicle": Cells(labels=2, factor=6.0)})

@@ -35,13 +35,12 @@ from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.response import RESPONSE
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.growth import course_of, last_step
-from mavhums.health.estimation.equations.own_scale import POWER, RIPPLE, ROUGHNESS, TWO_WAYS
+from mavhums.health.estimation.equations.own_scale import RIPPLE, ROUGHNESS, TWO_WAYS
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.random_effects import scattering_share, variance_between
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.motor import motor_indicators
-from mavhums.health.self_baseline.verdict import compare_with_own_flights
 from mavhums.log import read_blocks
 from mavhums.results.verdict import Interval
 from mavhums.vehicle.rows import Rows
@@ -59,7 +58,7 @@ from tests.health.axis.flights import rolling, rows, turning
 from tests.health.axis.test_detectors import controlled
 from tests.health.decision import test_growth
 from tests.health.motor import test_monitor, test_past
-from tests.health.self_baseline import test_own_judge, test_own_power, test_stall, test_strokes
+from tests.health.self_baseline import test_own_judge, test_strokes
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 
 FIGURES = CARRIED / "figures"
@@ -271,15 +270,11 @@ def test_of_motors(name: str) -> None:
 
 def own() -> Iterator[tuple[str, Any]]:
     """Yield comparisons of a servo with its own flights."""
-    current, power = test_own_judge, test_own_power
+    current = test_own_judge
     worn = current.past(*(current.flight(80 + k, 0.08) for k in range(3)))
     for name, seed, friction_a in (("like", 51, 0.05), ("risen", 84, 0.08), ("fallen", 53, 0.03)):
         for past in (current.HEALTHY[:5], current.HEALTHY, [*current.HEALTHY, *worn]):
             yield f"{name} {len(past)}", compare(EQUATION, current.flight(seed, friction_a), past)
-    for burns in (False, True):
-        for times in (1.0, 1.5):
-            seen = power.scattered(90, times * power.FRICTION_NM, burns=burns)
-            yield f"power {burns} {times}", compare(POWER, seen, power.HEALTHY)
     swept = [test_strokes.left(test_strokes.swept(seed), TWO_WAYS) for seed in range(12)]
     past = [PastRecord((record,), "2026-03-01", True) for record in swept[:-1] if record]
     yield "strokes", swept[-1] and compare(TWO_WAYS, swept[-1], past)
@@ -295,7 +290,7 @@ def test_of_a_servos_own_flights() -> None:
 
 def test_of_what_a_flight_leaves_of_a_servo() -> None:
     """Sums of a flight, from which all later comparisons are made: each column's own."""
-    found: list[Any] = [test_own_judge.HEALTHY[0].records[0], test_own_power.HEALTHY[0].records[0]]
+    found: list[Any] = [test_own_judge.HEALTHY[0].records[0]]
     found += [test_strokes.left(test_strokes.swept(3), one) for one in (TWO_WAYS, ROUGHNESS, RIPPLE)]
     found += [collected(VoltageSums(blank()), Servo().flown(5)), left(Servo(load_friction=0.2), 30)]
     told = []
@@ -311,10 +306,7 @@ def test_of_a_servos_motor() -> None:
 
     past = [PastRecord((voltage(seed, Servo()),), "2026-03-01", True) for seed in range(11)]
     found = [motor_indicators([voltage(30, servo)], past) for servo in (Servo(), Servo(resistance=23.0))]
-    records = [left(test_stall.SERVO, seed, seconds=60.0) for seed in range(3)]
-    several = [test_stall.voltage(seed, test_stall.supplied()) for seed in range(3)]
-    known = compare_with_own_flights(test_stall.verdict(*records, *several), [])
-    hold("motor", dumped([*found, known.indicators]))
+    hold("motor", dumped(found))
 
 
 @pytest.mark.parametrize("course", ["growing", "step", "worn", "mended"])

@@ -180,9 +180,6 @@ class IdentifiedMotor(Frozen):
     ----------
     resistance, back_emf, drop
         Estimate, low and high: of the winding, Ω; per rad/s of the rotor, V; of brushes or dead time, V.
-    friction_of_stall, torque_of_stall
-        Friction and highest sustained torque as shares of the torque at stall; None if the logs and the
-        profile do not tell them.
     convention
         Convention of current and voltage. The back-EMF constant equals the torque constant only for ``dc``.
     flights
@@ -192,8 +189,6 @@ class IdentifiedMotor(Frozen):
     resistance: tuple[_Positive, _Positive, _Positive]
     back_emf: tuple[_Positive, _Positive, _Positive]
     drop: tuple[_Finite, _Finite, _Finite]
-    friction_of_stall: tuple[_Finite, _Finite, _Finite] | None = None
-    torque_of_stall: tuple[_Finite, _Finite, _Finite] | None = None
     convention: Literal["unknown", "dc"] = "unknown"
     flights: tuple[str, ...]
 
@@ -243,8 +238,6 @@ class Actuator(Contract):
         Whether that ESC, or the servo itself, measures at the motor's terminals or at the supply bus.
     electronics_a
         Current that the electronics draw from the bus in addition to the motor, A.
-    supply_voltage
-        Voltage of the healthy supply, V; without it and that of ``ema`` there is no share of stall.
     travel_deg, pwm_us
         Deflection at the smallest and the largest pulse; the pulses at the least, the zero and the
         largest deflection.
@@ -274,7 +267,6 @@ class Actuator(Contract):
     csrv: Annotated[int, Field(ge=0, le=255)] | None = None
     esc_side: Literal["motor", "bus"] = "motor"
     electronics_a: _NotNegative = 0.0
-    supply_voltage: _Positive | None = None
     travel_deg: tuple[_Finite, _Finite] | None = None
     pwm_us: tuple[_Pulse, _Pulse, _Pulse]
     # Lower takes noise of the angle for motion; higher loses the samples of slow commands.
@@ -305,11 +297,6 @@ class Actuator(Contract):
         """Keys of the file that a verdict needs and the profile lacks."""
         sections = (("[actuators.ema]", self.ema), ("[actuators.limits]", self.limits))
         return tuple(name for name, section in sections if section is None)
-
-    @property
-    def known_supply_v(self) -> float | None:
-        """Voltage of the supply, V; None if the profile does not tell it."""
-        return self.supply_voltage or (self.ema.supply_voltage if self.ema else None)
 
     def known_ema(self) -> Ema:
         """Return the EMA's constants.

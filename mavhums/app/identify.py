@@ -17,7 +17,6 @@ from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError
 from mavhums.health.estimation.motor_identification import VOLTAGE, Identified, identified
-from mavhums.health.self_baseline.motor import Shares, friction_current, lacking, shares
 from mavhums.results.verdict import Interval, OwnRecord
 
 _BLOCK = re.compile(r"(?m)^\[\[actuators\]\][^\n]*\n(?:(?!^\[\[actuators\]\]).*\n?)*")
@@ -28,15 +27,10 @@ _TO_IDENTIFY = "record each servo's voltage, current and rotor speed (V4, V5, V7
 
 @dataclass(frozen=True, slots=True)
 class MotorIdentification:
-    """The identified motor of one actuator, and the names of the logs used.
-
-    ``shares`` are those of the torque at stall; where they are None, ``lacking`` is the reason.
-    """
+    """The identified motor of one actuator, and the names of the logs used."""
 
     found: Identified
     flights: tuple[str, ...]
-    shares: Shares | None = None
-    lacking: str | None = None
 
 
 def identify(
@@ -85,15 +79,8 @@ def identify(
 
 
 def _motor(found: Identified, several: Sequence[tuple[str, OwnRecord]]) -> MotorIdentification:
-    of_motor = [(name, record) for name, record in several if record.equation == VOLTAGE]
-    records = [record for _, record in of_motor]
-    friction = friction_current([record for _, record in several])
-    return MotorIdentification(
-        found,
-        tuple(dict.fromkeys(name for name, _ in of_motor)),
-        shares(records, found, friction),
-        lacking(records),
-    )
+    logs = dict.fromkeys(name for name, record in several if record.equation == VOLTAGE)
+    return MotorIdentification(found, tuple(logs))
 
 
 def with_motors(profile: str, motors: Mapping[str, MotorIdentification]) -> str:
@@ -154,7 +141,7 @@ def servo_type_section(name: str, motors: Mapping[str, MotorIdentification], air
     logs = ", ".join(dict.fromkeys(log for motor in motors.values() for log in motor.flights))
     actuator = next(actuator for actuator in airframe.actuators if actuator.name in motors)
     known = {key: getattr(actuator.ema, key, None) for key in ("gear_ratio", "inertia")}
-    voltage = actuator.known_supply_v
+    voltage = actuator.ema and actuator.ema.supply_voltage
     lines = [
         f"[servo_types.{name}]",
         f"source = {json.dumps(['identified from ' + logs], ensure_ascii=False)}",
@@ -179,21 +166,10 @@ def _section(motor: MotorIdentification) -> str:
         f"resistance = {_numbers(found.resistance)}  # ohm\n"
         f"back_emf = {_numbers(found.back_emf)}  # V·s/rad of the rotor\n"
         f"drop = {_numbers(found.drop)}  # V\n"
-        f"{_shares(motor)}"
         'convention = "unknown"  # "dc" where V4·V5 is the electrical power: '
         "then back_emf is the torque constant\n"
         f"flights = {json.dumps(motor.flights, ensure_ascii=False)}\n"
     )
-
-
-def _shares(motor: MotorIdentification) -> str:
-    found = motor.shares
-    if found is None:
-        return f"# no share of stall: {motor.lacking}\n" if motor.lacking else ""
-    torque = f"torque_of_stall = {_numbers(found.torque)}  # highest sustained; the rest is the reserve\n"
-    if found.friction is None:
-        return torque
-    return f"friction_of_stall = {_numbers(found.friction)}  # friction, by the torque at stall\n{torque}"
 
 
 def _numbers(interval: Interval) -> list[float]:

@@ -213,8 +213,7 @@ def identify_motors(
     """Identify each actuator's motor from LOGs of one aircraft: resistance, back-EMF constant, voltage drop.
 
     It takes voltage, current and rotor speed at the motor, and no data sheet. The profile gets a section
-    [actuators.identified] with each value, its 95 % interval and the logs that it rests on. With
-    supply_voltage in the profile, it also gets friction and the highest torque as shares of that at stall.
+    [actuators.identified] with each value, its 95 % interval and the logs that it rests on.
     """
     import re
 

@@ -137,8 +137,6 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "record its telemetry faster"),
     "own_still": ("the servo moved too little both ways to show its {quantity}",
         "analyse a flight in which the surface works"),
-    "own_no_airspeed": ("the {quantity} needs the airspeed, and the log has none",
-        "record the airspeed as well"),
     "own_learning": (f"flight {{flight}} of the {{needed}} that its baseline takes{{why}}{_NO_LIMIT}",
         "keep its flights: mavhums analyse LOG --keep"),
     "own_unchanged": (

@@ -47,9 +47,6 @@ ALL = "all"
 MOTORS = "motors"
 """Stands for the motor where a verdict is on all of a vehicle's."""
 
-STALL_SHARES = ("friction_of_stall", "torque_of_stall")
-"""Indicators of an actuator's friction and load, each as a share of its motor's torque at stall."""
-
 
 class Suspect(Contract):
     """A fault that the evidence indicates."""
@@ -205,11 +202,6 @@ class OwnRecord(Contract):
         Of the samples, and the time that they cover.
     temperature_c
         Median over the flight; None where the log carries none.
-    peak_a, peak_v
-        Current and voltage of the motor that 99.9 % of the samples do not exceed, without sign, and the
-        current's 95 % interval; None of other equations than the voltage's.
-    supply_v
-        Voltage of the supply, as the profile has it; None where it has none.
     groups
         Sums over parts of the flight: the number of samples, and the upper triangle of the sums of products
         of the equation's columns, the left side last.
@@ -220,9 +212,6 @@ class OwnRecord(Contract):
     rate_hz: float = Field(gt=0)
     duration_s: float = Field(gt=0)
     temperature_c: float | None = None
-    peak_a: Interval | None = None
-    peak_v: float | None = Field(default=None, ge=0)
-    supply_v: float | None = Field(default=None, gt=0)
     groups: tuple[tuple[float, ...], ...]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Final
 
@@ -14,11 +13,11 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.verdict import Verdict
-from mavhums.show.blocks import Block, Craft, Curves, Facts, Finding, Headline, Listing, Note, TableBlock
+from mavhums.show.blocks import Block, Craft, Curves, Facts, Finding, Headline, Listing, Note
 from mavhums.show.event_words import event_lines, foremost
 from mavhums.show.headline import advice, headline, judged_vehicles, over_flights, remedy
 from mavhums.show.outline import FIXED_WING, multirotor, outline
-from mavhums.show.tables import ALL_ROWS, ROWS, indicators, provenance, reserve, usage, verdict_table
+from mavhums.show.tables import ALL_ROWS, ROWS, indicators, provenance, usage, verdict_table
 from mavhums.show.verdict_words import certainty, explanation, finding, implausible, network_sentence
 from mavhums.show.words import (
     capital,
@@ -117,7 +116,7 @@ def blocks(
         *(_crafts(rest) if gathered is not None else ()),
         *_listing("How sure", (f"{name(one, rest)}: {_how_sure(one)}" for one in well)),
         *more,
-        *_tables(rest),
+        *(usage(used, several=len(rest.usage) > 1) for used in rest.usage),
         *_listing("Events of the flight", event_lines(assessment)),
         _log(assessment, notes),
         *_texts(gathered),
@@ -284,13 +283,6 @@ def _network(assessment: Assessment) -> list[str]:
         if sentence := network_sentence(verdict):
             said.setdefault(sentence, []).append(name(verdict, assessment))
     return [f"{join(names)}: {sentence}" for sentence, names in said.items()]
-
-
-def _tables(assessment: Assessment) -> Iterator[TableBlock]:
-    """Yield the reserve of torque, and the use of each vehicle's servos."""
-    if torque := reserve(assessment):
-        yield torque
-    yield from map(partial(usage, several=len(assessment.usage) > 1), assessment.usage)
 
 
 def _curves(

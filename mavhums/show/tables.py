@@ -1,4 +1,4 @@
-"""Tables: the verdicts, torque in reserve, usage of outputs, indicators, where values came from."""
+"""Tables: the verdicts, usage of outputs, indicators, where values came from."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from mavhums.core.output import printable
 from mavhums.core.quantities import QUANTITIES
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OutputUsage, VehicleUsage
-from mavhums.results.verdict import ALL, MEASURED, STALL_SHARES, Indicator, Interval, Verdict
+from mavhums.results.verdict import ALL, MEASURED, Indicator, Interval, Verdict
 from mavhums.show.blocks import NOTHING, Block, Cell, Column, Mark, Note, Part, TableBlock, table
 from mavhums.show.verdict_words import control_left, course, judged, network_cell
 from mavhums.show.words import clock, friction, join, name, names, percent, place_of
 
-_FRICTION, _TORQUE = STALL_SHARES
 _NUMBER: Final = re.compile(r"(\d+)")
 ROWS: Final = 200
 ALL_ROWS: Final = "mavhums analyse --json has them all"
@@ -101,25 +100,6 @@ def _title(alike: Sequence[Verdict], assessment: Assessment) -> str:
 
 def _columns(*titles: str) -> list[Column]:
     return [*map(Column, titles)]
-
-
-def reserve(assessment: Assessment) -> TableBlock | None:
-    """Return what torque each actuator had left, as far as its share of stall is known; None if of none."""
-    rows: list[list[Cell]] = []
-    for verdict in assessment.ranked():
-        shown = {one.fault: one.value for one in verdict.indicators}
-        torque, rubs = shown.get(_TORQUE), shown.get(_FRICTION)
-        if torque is None:
-            continue
-        friction = (
-            f"{100 * rubs.estimate:.1f} % ({100 * rubs.low:.1f} to {100 * rubs.high:.1f})"
-            if rubs
-            else NOTHING
-        )
-        highest, left = percent(torque.estimate), percent(max(1.0 - torque.estimate, 0.0))
-        rows.append([name(verdict, assessment), highest, left, friction])
-    head = _columns("actuator", "highest sustained", "reserve", "friction (95 %)")
-    return TableBlock("Torque, by that at stall", head, rows) if rows else None
 
 
 def usage(used: VehicleUsage, *, several: bool) -> TableBlock:

@@ -91,7 +91,9 @@ def test_a_recording_shows_what_only_the_comparison_told(flown: Path) -> None:
 
 
 @pytest.mark.parametrize("bus", ["supply", "autopilot"])
-def test_an_esc_at_a_bus_is_learning_by_its_power(bus: str, run: Run, tmp_path: Path) -> None:
+def test_at_a_bus_the_angle_is_compared_and_without_one_the_data_sheet_is_asked_for(
+    bus: str, run: Run, tmp_path: Path
+) -> None:
     profile, path = tmp_path / "bus.toml", tmp_path / ("bus.tlog" if bus == "supply" else "bus.BIN")
     esc = "esc = 2\n" if bus == "supply" else ""
     profile.write_text(PROFILE.replace("esc = 2\n", f'{esc}esc_side = "bus"\n'), encoding="utf-8")
@@ -100,7 +102,10 @@ def test_an_esc_at_a_bus_is_learning_by_its_power(bus: str, run: Run, tmp_path: 
     (write_tlog if bus == "supply" else write_dataflash)(fly(flight), path)
     assessment = mavhums.analyse(path, mavhums.Options(airframe=profile))
     [verdict] = [verdict for verdict in assessment.verdicts if verdict.subject == "actuator"]
-    assert verdict.condition == "learning"
-    assert [indicator.fault for indicator in verdict.indicators] == ["friction_power"]
-    assert "own_power" in {record.equation for record in verdict.own}
+    if bus == "autopilot":
+        assert verdict.condition == "learning"
+        assert [indicator.fault for indicator in verdict.indicators] == ["tracking", "lag"]
+    else:
+        assert verdict.condition == "undecided"
+        assert "[actuators.ema]" in (verdict.reason or "")
     assert run("analyse", path, "--airframe", profile).code == 12

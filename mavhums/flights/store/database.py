@@ -236,7 +236,7 @@ SETTING: Final = Table("setting", METADATA, _text("name", primary_key=True), _te
 SCHEMA: Final = "1"
 """Version of the tables."""
 
-FORMAT: Final = 2
+FORMAT: Final = 3
 """Version of the stored flights; the logs of those of another version are judged again."""
 
 # Longest wait for another command that writes; the verdicts of 10,000 flights take a minute and a half.

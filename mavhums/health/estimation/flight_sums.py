@@ -17,7 +17,7 @@ from mavhums.health.estimation.equations.interface import (
     SlotLoad,
     friction_with_load,
 )
-from mavhums.health.estimation.equations.own_scale import CURRENT, POWER, VOLTAGE
+from mavhums.health.estimation.equations.own_scale import CURRENT, VOLTAGE
 from mavhums.health.estimation.least_squares import Groups, Prior, eliminated, packed, sums_of_slots
 from mavhums.health.estimation.motion import angle_speed, central_slope, lasting, longest_gap_s
 from mavhums.health.estimation.slots import AIRSPEED, SENSED, SHAFT, Slots
@@ -31,25 +31,15 @@ from mavhums.results.reasons import Reason
 from mavhums.results.verdict import OwnRecord
 
 KEPT = ("sign", "speed", "acceleration", "load", "angle", "loaded", "left")
-"""The columns whose sums of products a record holds; records of earlier versions lack ``loaded``."""
+"""The columns whose sums of products a record holds."""
 TERMS = ("sign", "speed", "acceleration", "load", "angle", "pressure", "one", "loaded")
 LOAD, ANGLE, PRESSURE, ONE, LOADED = 3, 4, 5, 6, 7
 _COLUMNS = [0, 1, 2, LOAD, ANGLE, LOADED, len(TERMS)]
 _LINEAR_TERMS = LOADED
 _V7, _V10 = column("V7"), column("V10")
 _BY_SPEED = (CURRENT.name, VOLTAGE.name)
-"""Equations of the motor's speed; the power's law has its own, and the position error the angle's."""
+"""Equations of the motor's speed; the position error has the angle's."""
 _HALF_DENSITY = 0.5 * AIR_DENSITY
-_PRODUCTS = ((0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3))
-LINEAR = (0, 1, 2, 3)
-"""Columns of sgn(w), w, dw/dt and q·d."""
-WEAR = (4, 5, 6)
-"""Columns of the products of sgn(w) with w, dw/dt and q·d."""
-QUADRATIC = (7, 8, 9, 10, 11, 12)
-"""Columns of the products of w, dw/dt and q·d: w², w·dw/dt, w·q·d, (dw/dt)², dw/dt·q·d, (q·d)²."""
-POWER_COLUMNS = len(LINEAR) + len(_PRODUCTS) + 1
-"""Number of columns of a record; the last is the power."""
-_FIRST, _SECOND = ([pair[side] for pair in _PRODUCTS] for side in (0, 1))
 
 
 class OwnSums:
@@ -61,27 +51,22 @@ class OwnSums:
         The equation, and the actuator of the flight.
     """
 
-    width = len(TERMS)
-    """Number of terms whose products are summed."""
-
     def __init__(self, equation: OwnEquation, actuator: Actuator) -> None:
         self._equation, self._actuator = equation, actuator
         self._turned = AngleIntegrator(longest_gap_s(actuator))
         free = np.full(_LINEAR_TERMS, np.inf)
         self._load = SlotLoad(Prior(np.zeros(_LINEAR_TERMS), free), (LOAD, ANGLE, PRESSURE, ONE))
-        self._groups = Groups(self.width, self.in_window, self.joined)
+        self._groups = Groups(len(TERMS), self._in_window)
         self._span, self._samples = 0.0, 0
         self._pressure = False
 
     def feed(self, slots: Slots) -> None:
         """Process the samples of several slots."""
         found = terms(self._equation, self._actuator, slots, self._turned)
-        if found is None:
-            return
         time_s = slots.time_s[slots.judged]
         # Rate and duration are those of the evidence, not of the log.
         seen = np.isfinite(found.y) & np.isfinite(found.X[:, 1])
-        found = self.expanded(self._loaded(slots, found))
+        found = self._loaded(slots, found)
         rows = sums_of_slots(found.X, found.y, found.usable, slots.start)
         ends = np.append(slots.start[1:], time_s.size)
         self._groups.feed(slots.index, rows)
@@ -126,20 +111,12 @@ class OwnSums:
         X[:, LOADED] = friction_with_load(found.X[:, 1], load)
         return Terms(X, found.y, found.usable & np.isfinite(load))
 
-    def expanded(self, found: Terms) -> Terms:
-        """Return the terms whose products are summed."""
-        return found
-
-    def in_window(self, gram: Array) -> Array:
+    def _in_window(self, gram: Array) -> Array:
         """Return a window's sums without its own offset."""
         self._pressure |= bool(gram[PRESSURE, PRESSURE] > 0.0)
         # An integrated angle has an unknown zero: its load is a multiple of the pressure.
         free = [ONE] if self._turned.source == "V3" else [ONE, PRESSURE]
         return eliminated(gram, free)[np.ix_(_COLUMNS, _COLUMNS)]
-
-    def joined(self, sums: Array) -> Array:
-        """Return a window's sums as they are added to those of other windows."""
-        return sums
 
     def _setup(self) -> str:
         """Return the measurement set-up as text; only flights with the same set-up are compared."""
@@ -237,12 +214,10 @@ def _first(start: Integers, **known: Flags) -> str | None:
     return next(name for name, mask in there.items() if mask[slots[0]]) if slots.size else None
 
 
-def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: AngleIntegrator) -> Terms | None:
-    """Return the terms at the samples that the slots judge; None if the profile rules the equation out."""
+def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: AngleIntegrator) -> Terms:
+    """Return the terms at the samples that the slots judge."""
     slots = turned.one_shaft(slots)
     speed = equation.speed(actuator, slots)
-    if speed is None:
-        return None
     if equation.name in _BY_SPEED:
         speed = turned.fine_speed(actuator, slots, speed)
     own, longest_s = slots.judged, LONGEST_GAP_PERIODS / OWN_RATE_HZ
@@ -265,52 +240,3 @@ def terms(equation: OwnEquation, actuator: Actuator, slots: Slots, turned: Angle
     y = np.ascontiguousarray(equation.left(actuator, slots)[own])
     usable = moving[own] & np.isfinite(y) & np.isfinite(X).all(axis=1)
     return Terms(X, y, usable)
-
-
-class PowerSums(OwnSums):
-    """Collects the sums of the power over one flight.
-
-    Parameters
-    ----------
-    equation, actuator
-        The equation, and the actuator of the flight.
-    """
-
-    width = POWER_COLUMNS
-
-    def _loaded(self, slots: Slots, found: Terms) -> Terms:
-        """Return the terms: the power's law has the load in its products."""
-        return found
-
-    @property
-    def gap(self) -> Reason | None:
-        """The reason for missing evidence; None if there is evidence, or if nothing is measured."""
-        gap = super().gap
-        if gap is None or self._pressure or self.rate_hz < OWN_RATE_HZ:
-            return gap
-        return Reason("own_no_airspeed", quantity=self._equation.quantity)
-
-    def expanded(self, found: Terms) -> Terms:
-        """Return the products of the torque's terms at the samples with a known airspeed."""
-        factors = found.X[:, [0, 1, 2, LOAD]]
-        known = found.X[:, PRESSURE] > 0.0
-        # Without an airspeed no load is known, and no law of the power.
-        self._pressure |= bool(known.any())
-        products = factors[:, _FIRST] * factors[:, _SECOND]
-        X = np.concatenate([factors, products, np.ones((len(factors), 1))], axis=1)
-        return Terms(np.ascontiguousarray(X), found.y, found.usable & known)
-
-    def in_window(self, gram: Array) -> Array:
-        """Return a window's sums without its own P₀."""
-        one = self.width - 1
-        kept = [*range(one), self.width]
-        return eliminated(gram, [one])[np.ix_(kept, kept)]
-
-    def joined(self, sums: Array) -> Array:
-        """Return a window's sums without its linear terms: the windows of a long part differ in their c."""
-        return eliminated(sums, LINEAR)
-
-
-def collector(equation: OwnEquation, actuator: Actuator) -> OwnSums:
-    """Return the collector of an equation's sums over one flight."""
-    return (PowerSums if equation.name == POWER.name else OwnSums)(equation, actuator)

@@ -342,8 +342,6 @@ class Groups:
         Number of terms p of the rows of :mod:`~.least_squares`.
     in_window
         Returns the sums of a window that are kept, of its whole Gram matrix.
-    joined
-        Applied to the sums of a window before they are added to another's.
 
     Examples
     --------
@@ -353,10 +351,8 @@ class Groups:
     [40, 40, 40, 40, 40, 40, 40, 40, 40, 30, 10]
     """
 
-    def __init__(
-        self, terms: int, in_window: Callable[[Array], Array], joined: Callable[[Array], Array] = np.asarray
-    ) -> None:
-        self._terms, self._in_window, self._joined = terms, in_window, joined
+    def __init__(self, terms: int, in_window: Callable[[Array], Array]) -> None:
+        self._terms, self._in_window = terms, in_window
         self._row = np.zeros(row_length(terms))
         self._window: int | None = None
         self._closed: list[tuple[int, Array]] = []
@@ -396,4 +392,4 @@ class Groups:
         self._in_part += 1
 
     def _sum(self, one: tuple[int, Array], other: tuple[int, Array]) -> tuple[int, Array]:
-        return one[0] + other[0], self._joined(one[1]) + self._joined(other[1])
+        return one[0] + other[0], one[1] + other[1]

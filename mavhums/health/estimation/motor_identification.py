@@ -10,29 +10,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
 
 import numpy as np
 
 from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95, RAD_S_PER_REV_MIN, t_quantile, uniform_deviation
+from mavhums.core.statistics import CENTRAL_95, RAD_S_PER_REV_MIN, t_quantile, uniform_deviation
 from mavhums.health.estimation.least_squares import Groups, eliminated, packed, sums_of_slots, unpacked
 from mavhums.health.estimation.slots import Slots
-from mavhums.health.estimation.thresholds import (
-    LEAST_PARTS,
-    PEAK_EXCEEDED_SHARE,
-)
+from mavhums.health.estimation.thresholds import LEAST_PARTS
 from mavhums.results.verdict import Interval, OwnRecord
 
 VOLTAGE = "own_voltage"
 _V4, _V5, _V7 = column("V4"), column("V5"), column("V7")
 _TERMS = 4
 _LEFT_OUT = [3]
-RESOLUTION = 0.01
-"""Relative width of a step of the histogram."""
-_LEAST, _STEPS = 1e-4, 3200  # up to about 8e9
 _SIZE = 4
 
 
@@ -47,8 +40,6 @@ class VoltageSums:
 
     def __init__(self, actuator: Actuator) -> None:
         self._motor_side = actuator.esc_side == "motor"
-        self._supply_v = actuator.known_supply_v
-        self._peak_a, self._peak_v = Peak(), Peak()
         self._groups = Groups(_TERMS, _without_offset)
         self._first_s = self._last_s = np.nan
         self._samples = 0
@@ -63,8 +54,6 @@ class VoltageSums:
         usable = np.isfinite(X).all(axis=1) & np.isfinite(volts) & self._motor_side
         if not usable.any():
             return
-        self._peak_a.feed(current[usable])
-        self._peak_v.feed(volts[usable])
         used_s = time_s[usable]
         self._samples += used_s.size
         self._first_s = float(np.nanmin([self._first_s, used_s[0]]))
@@ -87,9 +76,6 @@ class VoltageSums:
             setup="V4, V5 and V7 at the motor",
             rate_hz=float(f"{self._samples / duration_s:.3g}"),
             duration_s=round(duration_s, 1),
-            peak_a=self._peak_a.interval,
-            peak_v=float(f"{self._peak_v.value:.4g}"),
-            supply_v=self._supply_v,
             groups=tuple((float(count), *packed(gram)) for count, gram in groups),
         )
 
@@ -98,52 +84,6 @@ def _without_offset(gram: Array) -> Array:
     """Return a window's sums without its own offset, the fourth term."""
     kept = [0, 1, 2, _TERMS]
     return eliminated(gram, _LEFT_OUT)[np.ix_(kept, kept)]
-
-
-class Peak:
-    """Collects the absolute values that 99.9 % of a flight's samples do not exceed.
-
-    One sample in a thousand may lie above: a spike is no load. The counts do not depend on the order of the
-    samples, nor on how they are cut into blocks.
-
-    Examples
-    --------
-    >>> peak = Peak()
-    >>> peak.feed(np.array([*np.linspace(-2.0, 2.0, 5000), 50.0]))
-    >>> round(peak.value, 1)
-    2.0
-    """
-
-    def __init__(self) -> None:
-        self._counts = np.zeros(_STEPS, dtype=np.int64)
-
-    def feed(self, values: Array) -> None:
-        """Take finite values, shape (n,)."""
-        steps = np.log(np.maximum(np.abs(values), _LEAST) / _LEAST) / RESOLUTION
-        self._counts += np.bincount(np.minimum(steps.astype(np.int64), _STEPS - 1), minlength=_STEPS)
-
-    @property
-    def value(self) -> float:
-        """The value, to within :data:`RESOLUTION`; zero before the first sample."""
-        return self._exceeded_by(PEAK_EXCEEDED_SHARE * self._total)
-
-    @property
-    def interval(self) -> Interval:
-        """The value with its 95 % interval: how many of independent samples exceed it is left to chance."""
-        above = PEAK_EXCEEDED_SHARE * self._total
-        half = NORMAL_95 * above**0.5
-        low, high = self._exceeded_by(above + half), self._exceeded_by(max(above - half, 0.0))
-        return Interval(estimate=self.value, low=low, high=high).significant(4)
-
-    @property
-    def _total(self) -> int:
-        return int(self._counts.sum())
-
-    def _exceeded_by(self, samples: float) -> float:
-        """Return the largest value that at most so many samples exceed; zero of values below the least."""
-        rank = max(ceil(self._total - samples), 1)
-        step = int(np.searchsorted(self._counts.cumsum(), rank))
-        return float(_LEAST * np.exp((step + 0.5) * RESOLUTION)) if 0 < step < _STEPS else 0.0
 
 
 @dataclass(frozen=True, slots=True)

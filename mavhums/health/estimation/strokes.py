@@ -27,7 +27,7 @@ from mavhums.core.quantities import column
 from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import RIPPLE, ROUGHNESS, TWO_WAYS
-from mavhums.health.estimation.flight_sums import OwnSums, collector
+from mavhums.health.estimation.flight_sums import OwnSums
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SENSED, Slots
 from mavhums.health.estimation.thresholds import (
@@ -237,5 +237,5 @@ def _rough(time_s: Array, values: Array) -> float:
 
 def collectors(actuator: Actuator) -> list[OwnSums | VoltageSums | StrokeSums]:
     """Return the collectors of one flight of what is compared with the own earlier flights."""
-    sums = [collector(equation, actuator) for equation in OWN_EQUATIONS]
+    sums = [OwnSums(equation, actuator) for equation in OWN_EQUATIONS]
     return [*sums, VoltageSums(actuator), *(StrokeSums(one, actuator) for one in STROKE_EQUATIONS)]

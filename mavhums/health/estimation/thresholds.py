@@ -30,10 +30,6 @@ LEAST_PARTS: Final = 4
 # hand.
 LOAD_SHOWS_ERRORS: Final = 5.0
 
-# Share of samples that may exceed a sustained peak: a spike is no load. benchmarks/stall.py has what it
-# costs.
-PEAK_EXCEEDED_SHARE: Final = 0.001
-
 # Share of its mean by which a healthy actuator's friction scatters from flight to flight: 3–13 % from day to
 # day on a real actuator on a bench (docs/evidence/self-baseline.md). It costs sensitivity and keeps the
 # promised false alarms (docs/evidence/actuators.md, early detection with and without it).

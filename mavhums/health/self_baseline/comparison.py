@@ -26,7 +26,6 @@ from mavhums.health.estimation.random_effects import (
 )
 from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
 from mavhums.health.estimation.wear import (
-    Individual,
     Nuisances,
     Wear,
     information,
@@ -160,7 +159,7 @@ class _ReferenceFlights:
     of its variance that scatters from flight to flight, with its degrees of freedom.
     """
 
-    nuisances: Individual
+    nuisances: Nuisances
     flights: Population
     differences: tuple[Difference, ...]
     sign: float
@@ -184,7 +183,7 @@ class _ReferenceFlights:
         squares, freedom = np.array([(w.error**2, w.freedom) for w, _ in shown]).T
         common = CommonError.of(squares * informed, freedom)
         own = [common.with_own(*row)[0] for row in zip(squares, freedom, informed, strict=True)]
-        loaded = isinstance(nuisances, Nuisances) and bool(nuisances.load_friction)
+        loaded = bool(nuisances.load_friction)
         known = tuple(differences(equation, [r for _, r in shown], warm=warm, loaded=loaded))
         design = np.array([_row(known, r) for _, r in shown])
         shared = scattering_share(design, values, np.sqrt(own))
@@ -196,8 +195,7 @@ class _ReferenceFlights:
     @property
     def load(self) -> float | None:
         """Load at which the wear is told; None where it does not grow with the load."""
-        known = self.nuisances
-        return known.load if isinstance(known, Nuisances) and known.load_friction else None
+        return self.nuisances.load if self.nuisances.load_friction else None
 
     def beyond(self, record: OwnRecord) -> Difference | None:
         """Return the difference over which the reference flights would be extrapolated to a flight."""

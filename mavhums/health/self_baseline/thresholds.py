@@ -19,10 +19,6 @@ BLURRED_TIMES: Final = 3.0
 # beyond which its line is extrapolated, K. By hand.
 WARMTH_K: Final = 5.0
 
-# Bias of the friction current's level by flight mode, as measured on aircraft 0–2
-# (docs/evidence/self-baseline.md); it cancels only in a comparison with the past.
-STALL_BIAS_SHARE: Final = 0.1
-
 # Difference between two flights' mean signs of the load over their strokes from which they are loaded in
 # opposite directions: signs of no load scatter about zero.
 OTHER_DIRECTION: Final = 1.0

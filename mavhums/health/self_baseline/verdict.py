@@ -12,23 +12,20 @@ from mavhums.health.decision.limits import MOST_CONFIDENCE
 from mavhums.health.decision.thresholds import FALSE_ALARMS, USEFUL_RISE
 from mavhums.health.estimation.equations import DERIVED_EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
-from mavhums.health.estimation.equations.own_scale import CURRENT, TRACKING
+from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.wear import mean_load, shows
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import (
     MOTOR_FAULTS,
     constant_lost,
     motor_indicators,
-    motor_of,
-    stall_indicators,
 )
 from mavhums.health.self_baseline.past import record_of
 from mavhums.results.reasons import Reason, said
-from mavhums.results.verdict import STALL_SHARES, Evidence, Indicator, Interval, OwnRecord, Suspect, Verdict
+from mavhums.results.verdict import Evidence, Indicator, Interval, OwnRecord, Suspect, Verdict
 
 _OPEN: tuple[Condition, ...] = ("undecided", "learning", "unchanged", "changed")
 _CONSTANT = "torque_constant"
-_OF_THE_MOTOR = (*MOTOR_FAULTS, *STALL_SHARES)
 
 
 def compare_with_own_flights(
@@ -97,16 +94,14 @@ def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
     lost = constant_lost(found, verdict.own, past) if found.condition == "changed" else None
     fault = equation.fault if lost is None else _CONSTANT
     reason = comparison_reason(equation, found, lost)
-    replaced = (equation.fault, *_OF_THE_MOTOR)
+    replaced = (equation.fault, *MOTOR_FAULTS)
     indicators = [shown for shown in verdict.indicators if shown.fault not in replaced]
     evidence = [known for known in verdict.evidence if known.kind != _kind(equation)]
     suspects = [suspect for suspect in verdict.suspects if suspect.fault not in (equation.fault, _CONSTANT)]
     if found.value is not None:
         indicators.append(_indicator(equation, record, found, found.value))
         evidence.append(_evidence(equation, record, found, found.value, reason.text))
-    current = found.value if equation == CURRENT else None
     indicators.extend(motor_indicators(verdict.own, past))
-    indicators.extend(stall_indicators(verdict.own, motor_of(verdict.own), current))
     if found.condition == "changed":
         suspects.append(Suspect(fault=fault, confidence=MOST_CONFIDENCE))
     return verdict.model_copy(
@@ -124,7 +119,7 @@ def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
 def without_own(verdict: Verdict) -> Verdict:
     """Return a verdict without the indicators and the evidence of own-scale equations."""
     equations = (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)
-    faults = {*(equation.fault for equation in equations), *_OF_THE_MOTOR}
+    faults = {*(equation.fault for equation in equations), *MOTOR_FAULTS}
     kinds = {_kind(equation) for equation in equations}
     return verdict.model_copy(
         update={

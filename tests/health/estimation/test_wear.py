@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from mavhums.core.arrays import Array
-from mavhums.health.estimation.equations.own_scale import CURRENT, POWER, ROUGHNESS
-from mavhums.health.estimation.flight_sums import KEPT, POWER_COLUMNS, QUADRATIC
+from mavhums.health.estimation.equations.own_scale import CURRENT, LAG, ROUGHNESS
+from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.least_squares import packed
 from mavhums.health.estimation.wear import (
-    Law,
     Nuisances,
     information,
     learned,
@@ -58,13 +57,13 @@ def test_the_wear_of_strokes_is_their_mean() -> None:
     assert wear(strokes(*[(0.1, 1.0)] * 3), None) is None
 
 
-def test_the_mean_load_is_that_in_motion_and_unknown_in_old_records() -> None:
+def test_the_mean_load_is_that_in_motion_and_none_of_a_lag() -> None:
     gram = np.zeros((len(KEPT), len(KEPT)))
     gram[0, 0], loaded = 10.0, KEPT.index("loaded")
     gram[0, loaded] = gram[loaded, 0] = 25.0
     assert mean_load(parts(gram, gram)) == pytest.approx(2.5)
     assert mean_load(parts(np.zeros_like(gram))) is None
-    assert mean_load(parts(gram).model_copy(update={"equation": POWER.name})) is None
+    assert mean_load(parts(gram).model_copy(update={"equation": LAG.name})) is None
 
 
 @pytest.mark.parametrize(
@@ -82,10 +81,6 @@ def test_a_flight_needs_four_parts_and_forty_samples(
     record = parts(*(size * np.eye(len(KEPT)) for size in grams))
     assert shows(record) == shown
     assert sum(row[1] for row in record.groups) == pytest.approx(information)
-    power = np.eye(POWER_COLUMNS)
-    for length, count, enough in ((4, 20.0, True), (4, 19.9, False), (5, 20.0, True), (3, 40.0, False)):
-        many = parts(*[power] * length, counts=count).model_copy(update={"equation": POWER.name})
-        assert shows(many) == enough
 
 
 @pytest.mark.parametrize(("seed", "larger"), [(0, "jackknife"), (1, "independent")])
@@ -114,22 +109,6 @@ def test_the_wear_with_known_nuisances_is_that_of_least_squares(seed: int, large
         wear(parts(*grams), Nuisances({KEPT.index("speed"): 0.3, KEPT.index("loaded"): 0.1}, (), 2.0))
     )
     assert loaded.value == pytest.approx(found.value + 0.1 * 2.0)
-
-
-def test_a_flight_without_motion_teaches_nothing_of_the_power() -> None:
-    rng = np.random.default_rng(3)
-    flown, still = [], [np.zeros((POWER_COLUMNS, POWER_COLUMNS))] * 4
-    for _ in range(4):
-        columns = rng.standard_normal((50, POWER_COLUMNS))
-        columns[:, -1] += 3.0 * columns[:, list(QUADRATIC)].sum(axis=1)
-        flown.append(columns.T @ columns)
-    one, other = (parts(*grams).model_copy(update={"equation": POWER.name}) for grams in (flown, still))
-    alone, beside = learned([one]), learned([one, other])
-    assert isinstance(alone, Law)
-    assert isinstance(beside, Law)
-    assert beside.quadratic.tolist() == alone.quadratic.tolist()
-    assert alone.quadratic == pytest.approx(3.0, abs=0.5)
-    assert learned([other]) is None
 
 
 def loaded_parts(seed: int, load_friction: float) -> tuple[list[Array], Array]:
@@ -165,25 +144,3 @@ def test_a_flight_that_moves_in_one_part_only_has_no_error() -> None:
     assert shows(parts(still, still, still, moved))
     assert wear(parts(still, still, still, moved), Nuisances({}, ())) is None
     assert wear(parts(still, still, moved, moved), Nuisances({}, ())) is not None
-
-
-LAW = Law(np.array([1.0, 0.5, 1.5, 1.0, 2.0, 3.0]), 0.3)
-
-
-def powered(seed: int, frictions: tuple[float, ...], noise: float = 0.1) -> OwnRecord:
-    """Return a record of the power under the law whose parts have these frictions."""
-    rng = np.random.default_rng(seed)
-    grams = []
-    for friction in frictions:
-        X = rng.standard_normal((60, POWER_COLUMNS))
-        X[:, -1] = noise * X[:, -1] + X[:, :-1] @ (friction * LAW.per_friction - LAW.left)[:-1]
-        grams.append(X.T @ X)
-    return parts(*grams, counts=60.0).model_copy(update={"equation": POWER.name})
-
-
-def test_the_power_of_one_part_alone_has_no_error() -> None:
-    one = powered(1, (0.3,)).groups
-    still = (60.0, *packed(np.zeros((POWER_COLUMNS, POWER_COLUMNS))))
-    for groups, told in (((*one, still, still, still), False), ((*one, *one, still, still), True)):
-        record = powered(1, (0.3,)).model_copy(update={"groups": groups})
-        assert (wear(record, LAW) is not None) == told

@@ -8,7 +8,7 @@ import pytest
 from mavhums.core.quantities import column
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.self_baseline.motor import MOTOR_FAULTS, _prediction, friction_current, motor_indicators
+from mavhums.health.self_baseline.motor import MOTOR_FAULTS, _prediction, motor_indicators
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
 from mavhums.results.verdict import Interval, OwnRecord, Verdict
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
@@ -46,24 +46,6 @@ def test_the_baseline_is_the_prediction_interval_of_one_more_flight() -> None:
         [2.262 * spread] * 2, abs=2e-3
     )
     assert _prediction(earlier[:9]) is None
-
-
-def test_the_friction_current_counts_flights_of_one_setup_and_its_error_by_either_scatter() -> None:
-    alike = [
-        left(Servo(friction_a=friction), seed, seconds=60.0) for seed, friction in ((1, 0.05), (2, 0.06))
-    ]
-    [one, both] = [friction_current(alike[:count]) for count in (1, 2)]
-    assert one is not None
-    assert both is not None
-    assert one.estimate == pytest.approx(0.05, rel=0.03)
-    assert both.estimate == pytest.approx(0.055, rel=0.03)
-    # Two values d apart: s/√2 = d/2, and t of one degree of freedom is 12.706.
-    assert both.high - both.estimate == pytest.approx(12.706 * 0.01 / 2, rel=0.1)
-    assert one.high - one.estimate < 0.1 * (both.high - both.estimate)
-    for setup in ("", "zz"):
-        other = alike[1].model_copy(update={"setup": setup})
-        assert friction_current([alike[0], other]) == one
-    assert friction_current([voltage(31)]) is None
 
 
 def test_nine_flights_make_no_baseline_and_unsound_ones_do_not_count() -> None:

@@ -12,15 +12,12 @@ from hypothesis import strategies as st
 from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.own_scale import CURRENT, TRACKING
 from mavhums.health.estimation.flight_sums import KEPT, OwnSums
-from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.wear import (
     Nuisances,
-    _learned_linear,
-    _linear_wear,
-    _shows_linear,
     learned,
     mean_load,
+    shows,
     wear,
 )
 from mavhums.results.verdict import OwnRecord
@@ -32,7 +29,7 @@ RECORDS = tuple(left(SERVO, seed) for seed in range(6))
 
 
 def test_several_flights_teach_the_servos_own_drag_inertia_and_hinge_moment() -> None:
-    nuisances = present(_learned_linear(RECORDS))
+    nuisances = present(learned(RECORDS))
     held = {KEPT[column]: value for column, value in nuisances.held.items()}
     assert held["speed"] == pytest.approx(SERVO.drag, rel=0.05)
     assert held["acceleration"] == pytest.approx(SERVO.inertia, rel=0.1)
@@ -40,17 +37,15 @@ def test_several_flights_teach_the_servos_own_drag_inertia_and_hinge_moment() ->
 
 
 def test_the_friction_of_a_flight_is_the_servos() -> None:
-    nuisances = _learned_linear(RECORDS)
-    worn = present(_linear_wear(left(Servo(friction_a=0.065), 77), nuisances))
+    nuisances = learned(RECORDS)
+    worn = present(wear(left(Servo(friction_a=0.065), 77), nuisances))
     assert worn.value == pytest.approx(0.065, abs=4 * worn.error)
     assert worn.error < 0.001
 
 
 def test_the_error_is_as_large_as_the_estimates_scatter() -> None:
-    nuisances = _learned_linear(RECORDS)
-    flights = [
-        _linear_wear(left(SERVO, seed, noise_a=0.02, seconds=60.0), nuisances) for seed in range(100, 130)
-    ]
+    nuisances = learned(RECORDS)
+    flights = [wear(left(SERVO, seed, noise_a=0.02, seconds=60.0), nuisances) for seed in range(100, 130)]
     values = [one.value for one in flights if one]
     assert len(values) == 30
     assert np.std(values) == pytest.approx(np.mean([one.error for one in flights if one]), rel=0.4)
@@ -111,7 +106,7 @@ def test_a_flight_at_a_low_rate_leaves_nothing_and_says_why() -> None:
 def test_magnitudes_show_no_friction() -> None:
     time_s, values, airspeed = SERVO.flown(1)
     record = collected(OwnSums(EQUATION, blank()), (time_s, np.abs(values), airspeed))
-    assert record is None or not _shows_linear(record)
+    assert record is None or not shows(record)
 
 
 def test_without_airspeed_the_load_is_free_in_each_flight() -> None:
@@ -121,7 +116,7 @@ def test_without_airspeed_the_load_is_free_in_each_flight() -> None:
 
     records = [collected(OwnSums(EQUATION, blank()), still(seed)) for seed in range(4)]  # type: ignore[arg-type]
     assert {record.setup for record in records if record} == {"angle from speed, no airspeed"}
-    nuisances = present(_learned_linear([record for record in records if record]))
+    nuisances = present(learned([record for record in records if record]))
     assert [KEPT[column] for column in nuisances.free] == ["angle"]
 
 
@@ -139,23 +134,6 @@ def test_friction_that_grows_with_load_is_told_at_one_load() -> None:
     assert heavy.value == pytest.approx(light.value, rel=0.1)
     assert light.value == pytest.approx(servo.friction_a + 0.3 * known.load, rel=0.1)
     assert mean_load(flights[-1]) == pytest.approx(2.0 * (mean_load(flights[-2]) or 0.0), rel=0.3)
-
-
-def test_a_record_of_an_earlier_version_is_read() -> None:
-    record = left(Servo(), 1)
-    rows = [unpacked(row[1:], len(KEPT)) for row in record.groups]
-    kept = [k for k, name in enumerate(KEPT) if name != "loaded"]
-    earlier = record.model_copy(
-        update={
-            "groups": tuple(
-                (old[0], *packed(gram[np.ix_(kept, kept)]))
-                for old, gram in zip(record.groups, rows, strict=True)
-            )
-        }
-    )
-    assert mean_load(earlier) is None
-    one, other = present(wear(earlier, learned([earlier]))), present(wear(record, learned([earlier])))
-    assert one.value == pytest.approx(other.value, rel=1e-6)
 
 
 def with_angle(seed: int, step_rad_s: float, late: int) -> OwnRecord:

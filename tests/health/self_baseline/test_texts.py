@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from mavhums.core.conditions import Condition
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT, RIPPLE, ROUGHNESS, TWO_WAYS
+from mavhums.health.estimation.flight_sums import KEPT
+from mavhums.health.estimation.least_squares import packed
 from mavhums.health.self_baseline import verdict as judged
 from mavhums.health.self_baseline.comparison import Comparison
 from mavhums.results.verdict import Interval, OwnRecord, Verdict
@@ -28,6 +31,8 @@ RISEN = Comparison("changed", VALUE, 20, 10, USUAL, RISE, 0.123456)
 def record(name: str, *loads: float) -> OwnRecord:
     """Return what a flight of strokes leaves, or one of the current that shows nothing."""
     groups = tuple((1.0, 0.3, load) for load in loads)
+    if name == CURRENT.name:
+        groups = ((1.0, *packed(np.zeros((len(KEPT), len(KEPT))))),)
     return OwnRecord(equation=name, setup="by its angle", rate_hz=25.0, duration_s=60.5, groups=groups)
 
 

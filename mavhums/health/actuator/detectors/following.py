@@ -172,9 +172,9 @@ class JamDetector(Detector):
     def __init__(self, actuator: Actuator) -> None:
         super().__init__(actuator)
         self.levels = Levels(JAM_SHARE, JAM_SHARE)
-        ema, supply_v = actuator.ema, actuator.known_supply_v
+        ema = actuator.ema
         self._ratio = ema.gear_ratio if ema else np.nan
-        self._stall_a = supply_v / ema.resistance if ema and supply_v else np.nan
+        self._stall_a = ema.supply_voltage / ema.resistance if ema and ema.supply_voltage else np.nan
         self._standing = actuator.moving_speed_rev_min if ema else np.nan
         self._windows = Windows(10, max(_JAM_PARTS), empty=-np.inf)
         self._laboured_a = 0.0  # current of the latest motion, with its way; zero if it was easy

@@ -29,7 +29,6 @@ EQUATIONS: tuple[Equation, ...] = (
 OWN_EQUATIONS: tuple[OwnEquation, ...] = (
     own_scale.CURRENT,
     own_scale.VOLTAGE,
-    own_scale.POWER,
     own_scale.TRACKING,
 )
 """The most informative first: the first one of which a flight has a record is compared."""

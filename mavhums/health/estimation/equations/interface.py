@@ -87,7 +87,7 @@ class OwnEquation:
     left
         Returns the left side at all samples, shape (n,), NaN where it is not measured.
     speed
-        Returns the speed at all samples; None if the profile rules it out.
+        Returns the speed at all samples.
     min_flights
         Number of flights that the baseline needs.
     by_activity
@@ -105,7 +105,7 @@ class OwnEquation:
     inspect: str
     cause: str
     left: Callable[[Actuator, Slots], Array]
-    speed: Callable[[Actuator, Slots], ServoSpeed | None]
+    speed: Callable[[Actuator, Slots], ServoSpeed]
     min_flights: int = BASELINE_FLIGHTS
     by_activity: bool = False
     blurs: bool = False

@@ -8,13 +8,8 @@ Voltage, from V4 and V7 or V10, where no current is evidence; b holds the back-E
 
     V4 = U_c·sgn(w) + b·w + J·dw/dt + h·q·d + o        U_c = R·T_c/(N·k_t), V
 
-In each of them but the power friction grows with the load, as in :mod:`.terms`:
+In each of them friction grows with the load, as in :mod:`.terms`:
 I_c is that at the median load of the reference flights.
-
-Power from the supply, where voltage and current are the bus's: mechanical power plus heat. The friction is
-power per speed, T_c·(1 + 2ρb), of the measured shaft:
-
-    P = V4·V5 = ρ·T² + w·T + P₀        T = T_c·sgn(w) + b·w + J·dw/dt + h·q·d + c
 
 Position error in motion, for servos that measure only command and angle:
 
@@ -42,7 +37,7 @@ from mavhums.health.estimation.motion import central_slope
 from mavhums.health.estimation.slots import SENSED, Slots
 from mavhums.health.estimation.thresholds import MOVING_ANGLE_DEG_S, MOVING_ROTOR_REV_MIN, REFERENCE_FLIGHTS
 
-_V1, _V3, _V4, _V5, _V6, _V7, _V10 = (column(f"V{k}") for k in (1, 3, 4, 5, 6, 7, 10))
+_V1, _V3, _V4, _V5, _V7, _V10 = (column(f"V{k}") for k in (1, 3, 4, 5, 7, 10))
 
 
 def _rotor_speed(actuator: Actuator, slots: Slots) -> ServoSpeed:
@@ -58,16 +53,6 @@ def _current(actuator: Actuator, slots: Slots) -> Array:
     """Return the motor's current; a current at the bus is another quantity."""
     current: Array = slots.values[:, _V5]
     return np.full(current.shape, np.nan) if actuator.esc_side == "bus" else current
-
-
-def _power(actuator: Actuator, slots: Slots) -> Array:
-    product = slots.values[:, _V4] * slots.values[:, _V5]
-    power: Array = np.where(np.isfinite(product), product, slots.values[:, _V6])
-    return power
-
-
-def _bus_speed(actuator: Actuator, slots: Slots) -> ServoSpeed | None:
-    return _rotor_speed(actuator, slots) if actuator.esc_side == "bus" else None
 
 
 def _position_error(actuator: Actuator, slots: Slots) -> Array:
@@ -109,17 +94,6 @@ VOLTAGE = OwnEquation(
     cause="friction, or a warmer or worn winding: the voltage does not show which",
     left=_voltage,
     speed=_rotor_speed,
-)
-
-POWER = OwnEquation(
-    name="own_power",
-    fault="friction_power",
-    quantity="friction in the supply's power",
-    unit="N·m",
-    inspect="gearbox, bearings, hinge line and motor",
-    cause="friction, or a weaker or warmer motor: the power does not show which",
-    left=_power,
-    speed=_bus_speed,
 )
 
 TRACKING = OwnEquation(
