@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mavhums.vehicle.parameters import Parameters, assigned_outputs, read_parameters
-from mavhums.vehicle.surfaces import Demands, SurfaceOutput, Surfaces, of_parameters, steers_by_wheels
+from mavhums.vehicle.surfaces import AXES, Demands, SurfaceOutput, Surfaces, of_parameters, steers_by_wheels
 from tests.log.ulog import writer
 from tests.present import present
 
@@ -25,10 +25,9 @@ USUAL = (1100, 1500, 1900)
 
 def test_which_functions_of_ardupilot_move_a_surface() -> None:
     surfaces = {2, 3, 4, 16, 17, 19, 21, 24, 25, 77, 78, 79, 80, 86, 87, 110}
-    named = {
-        n: outputs({"SERVO32_FUNCTION": float(n)}) for n in (*surfaces, *range(26, 41), 70, 73, 74, 82, 85)
-    }
-    assert {n for n, found in named.items() for *_, moves in found if moves} == surfaces
+    others = {*range(26, 41), 70, 73, 74, 82, 85}
+    found = {n: outputs({"SERVO32_FUNCTION": float(n)}) for n in surfaces | others}
+    assert {n for n, known in found.items() for *_, moves in known if moves} == surfaces
 
 
 def test_pulses_of_ardupilot() -> None:
@@ -49,25 +48,13 @@ def test_channels_of_arduplane_before_3_8() -> None:
     """RCn_REV is -1 where reversed and 1 else; RCMAP_* move the first four channels."""
     old = {"RC1_REV": 1.0, "KFF_RDDRMIX": 0.5}
     moved = {"RC1_REV": -1.0, "RC2_REV": 1.0, "RC4_REV": -1.0, "RC8_FUNCTION": 3.0}
-    assert [(one[0], one[1], one[3]) for one in outputs(old | moved)] == [
-        (1, "aileron", True),
-        (2, "elevator", False),
-        (3, "throttle", False),
-        (4, "rudder", True),
-        (8, "flap", False),
-    ]
-    assert [one[:2] for one in outputs(old | {"RCMAP_ROLL": 6.0, "RCMAP_YAW": 1.0})] == [
-        (1, "rudder"),
-        (2, "elevator"),
-        (3, "throttle"),
-        (6, "aileron"),
-    ]
-    assert [
-        one[2][1] for one in outputs(old | {"RC2_TRIM": 1487.0, "RC2_MIN": 1068.0, "RC2_MAX": 1907.0})[:2]
-    ] == [
-        1500,
-        1487,
-    ]
+    names, turned = ("aileron", "elevator", "throttle", "rudder", "flap"), (True, False, False, True, False)
+    expected = [*zip((1, 2, 3, 4, 8), names, turned, strict=True)]
+    assert [(one[0], one[1], one[3]) for one in outputs(old | moved)] == expected
+    found = {one[0]: one[1] for one in outputs(old | {"RCMAP_ROLL": 6.0, "RCMAP_YAW": 1.0})}
+    assert found == {1: "rudder", 2: "elevator", 3: "throttle", 6: "aileron"}
+    trimmed = outputs(old | {"RC2_TRIM": 1487.0, "RC2_MIN": 1068.0, "RC2_MAX": 1907.0})
+    assert [one[2][1] for one in trimmed[:2]] == [1500, 1487]
     five = assigned_outputs(Parameters(1, False, old | {"RC5_FUNCTION": 4.0}))
     assert [five[0].because, five[-1].because] == ["channel 1 of ArduPlane before 3.8", "RC5_FUNCTION = 4"]
     for mixed in ("VTAIL_OUTPUT", "ELEVON_MIXING"):
@@ -137,45 +124,33 @@ def servos(*functions: int) -> dict[str, float]:
 
 
 @pytest.mark.parametrize(
-    ("functions", "roll", "pitch", "yaw", "mixed"),
+    ("functions", "axes", "mixed"),
     [
-        ((4, 19, 70, 21), (1,), (2,), (4,), {}),
-        ((24, 25, 19, 21), (1, 2), (3,), (4,), {}),
-        ((4, 24, 25, 19), (1,), (4,), (), {}),
-        ((77, 78, 21), (1, 2), (1, 2), (3,), {"roll": "pitch", "pitch": "roll"}),
-        ((77, 19, 21), (1,), (2,), (3,), {}),
-        ((77, 78, 19), (1, 2), (3,), (), {}),
-        ((4, 79, 80), (1,), (2, 3), (2, 3), {"pitch": "yaw"}),
-        ((4, 79, 80, 21), (1,), (2, 3), (4,), {"pitch": "yaw"}),
-        ((4, 79, 19), (1,), (3,), (2,), {}),
+        ((4, 19, 70, 21), [(1,), (2,), (4,)], {}),
+        ((24, 25, 19, 21), [(1, 2), (3,), (4,)], {}),
+        ((4, 24, 25, 19), [(1,), (4,), ()], {}),
+        ((77, 78, 21), [(1, 2), (1, 2), (3,)], {"roll": "pitch", "pitch": "roll"}),
+        ((16, 86, 17, 87), [(1, 2, 3, 4), (1, 2, 3, 4), ()], {"roll": "pitch", "pitch": "roll"}),
+        ((77, 19, 21), [(1,), (2,), (3,)], {}),
+        ((77, 78, 19), [(1, 2), (3,), ()], {}),
+        ((4, 79, 80), [(1,), (2, 3), (2, 3)], {"pitch": "yaw"}),
+        ((4, 79, 80, 21), [(1,), (2, 3), (4,)], {"pitch": "yaw"}),
+        ((4, 79, 19), [(1,), (3,), (2,)], {}),
     ],
 )
 def test_surfaces_of_each_axis(
-    functions: tuple[int, ...],
-    roll: tuple[int, ...],
-    pitch: tuple[int, ...],
-    yaw: tuple[int, ...],
-    mixed: Mapping[str, str],
+    functions: tuple[int, ...], axes: list[tuple[int, ...]], mixed: dict[str, str]
 ) -> None:
     known = surfaces(servos(*functions))
-    for axis, expected in (("roll", roll), ("pitch", pitch), ("yaw", yaw)):
-        assert tuple(one.servo for one in known.of_axis(axis)) == expected
+    assert [tuple(one.servo for one in known.of_axis(axis)) for axis in AXES] == axes
     assert known.mixed == mixed
 
 
-def test_demands_are_shares_of_the_travel_about_each_axis() -> None:
-    """Elevons and V-tails: the sum of both pitches, half the difference rolls or yaws; motors do nothing."""
+def test_of_several_outputs_the_median_of_their_shares_counts() -> None:
     pulses = np.full((1, 32), np.nan)
-    pulses[0, :4] = 1600, 1400, 1900, 1700
-    for functions, expected in (
-        ((4, 19, 70, 21), (0.25, -0.25, 0.5)),
-        ((77, 78, 70, 21), (0.25, 0.0, 0.5)),
-        ((4, 79, 80), (0.25, (1.0 - 0.25) / 2, (-0.25 - 1.0) / 2)),
-        ((4, 4, 4), (0.25, np.nan, np.nan)),  # the median of 0.25, -0.25 and 1
-        ((4, 4), (0.0, np.nan, np.nan)),
-    ):
-        demand = Demands(surfaces(servos(*functions))).feed(pulses)
-        np.testing.assert_allclose(demand, [expected])
+    pulses[0, :3] = 1600, 1400, 1900
+    demand = Demands(surfaces(servos(4, 4, 4))).feed(pulses)
+    np.testing.assert_allclose(demand, [[0.25, np.nan, np.nan]])
 
 
 @pytest.mark.parametrize(
@@ -199,20 +174,14 @@ def test_of_several_outputs_one_that_is_stuck_is_ignored_unless_they_mix(
         assert np.allclose(found[20:], alone[20:]) == ignored
 
 
-def test_an_output_counts_up_to_the_last_one_of_the_second_message() -> None:
-    for bus, n, servos in (("PWM_MAIN", 1, (1,)), ("PWM_AUX", 16, (32,)), ("UAVCAN_SV", 1, None)):
-        found = of_parameters(Parameters(1, True, px4(3, bus=bus, n=n)))
-        assert (found and tuple(one.servo for one in found.moved)) == servos
-    rover = {"CRUISE_THROTTLE": 50.0}
-    for functions, steering in (
-        ({32: 26}, (32,)),
-        ({1: 26, 3: 70}, (1,)),
-        ({1: 70, 2: 29, 3: 19}, ()),
-    ):
-        values = rover | {f"SERVO{n}_FUNCTION": float(one) for n, one in functions.items()}
-        found = of_parameters(Parameters(1, False, values))
-        moved = found.moved if found else ()
-        assert tuple(one.servo for one in moved if one.kind == "steering") == steering
+@pytest.mark.parametrize(
+    ("bus", "n", "moved"), [("PWM_MAIN", 1, (1,)), ("PWM_AUX", 16, (32,)), ("UAVCAN_SV", 1, None)]
+)
+def test_an_output_counts_up_to_the_last_one_of_the_second_message(
+    bus: str, n: int, moved: tuple[int, ...] | None
+) -> None:
+    found = of_parameters(Parameters(1, True, px4(3, bus=bus, n=n)))
+    assert (found and tuple(one.servo for one in found.moved)) == moved
 
 
 def test_skid_steering_needs_both_wheels_and_a_rover() -> None:

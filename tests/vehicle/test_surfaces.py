@@ -35,12 +35,11 @@ def ailerons(*servos: int) -> Surfaces:
 
 
 def test_a_demand_is_the_same_whatever_its_surfaces_are_called() -> None:
-    def surfaces(name: str, servo: int = 1) -> Surfaces:
-        return Surfaces((SurfaceOutput(servo, name, 1500.0, 400.0),), "profile")
-
-    assert surfaces("left aileron").demands == surfaces("aileron 1").demands
-    assert surfaces("left elevon").demands != surfaces("right elevon").demands, "they mix two axes"
-    assert surfaces("aileron").demands != surfaces("aileron", servo=2).demands
+    names = (("left aileron", 1), ("aileron 1", 1), ("left elevon", 1), ("right elevon", 1), ("aileron", 2))
+    moved = (Surfaces((SurfaceOutput(n, name, 1500.0, 400.0),), "profile").demands for name, n in names)
+    left, plain, left_elevon, right_elevon, other = moved
+    assert left == plain != other
+    assert left_elevon != right_elevon, "they mix two axes"
 
 
 @pytest.mark.parametrize("off", [(), (1,), (1, 2)])
@@ -64,7 +63,9 @@ def mixed(functions: dict[int, float], reversed_: int = 0) -> tuple[Surfaces, Ar
     values |= {f"SERVO{n}_REVERSED": float(n == reversed_) for n in functions}
     surfaces = present(of_parameters(Parameters(1, False, values)))
     t = np.arange(400) / 20
-    aileron, elevator, rudder = 0.2 * np.sin(2 * t), 0.15 * np.sin(3 * t + 1), 0.1 * np.sin(5 * t)
+    aileron, elevator, rudder = asked = np.array([0.2, 0.15, 0.1])[:, None] * np.sin(
+        np.outer([2, 3, 5], t) + 1
+    )
     flap = np.where(t > 10, 0.3, 0.0)
     left, right = elevator - aileron, elevator + aileron
     split = np.maximum(-rudder, 0.0), np.maximum(rudder, 0.0)
@@ -73,38 +74,32 @@ def mixed(functions: dict[int, float], reversed_: int = 0) -> tuple[Surfaces, Ar
         **{79: elevator - rudder, 80: elevator + rudder, 16: left + split[0], 86: left - split[0]},
         **{17: right + split[1], 87: right - split[1]},
     }
-    sent = {
-        f"s{n}": 1500 + (-400 if n == reversed_ else 400) * shares[int(function)]
-        for n, function in functions.items()
-        if function in shares
-    }
-    return surfaces, pulses(**sent), np.stack([aileron, elevator], axis=1)
+    half_us = {n: -400 if n == reversed_ else 400 for n in functions}
+    moved = {n: shares[int(one)] for n, one in functions.items() if one in shares}
+    return surfaces, pulses(**{f"s{n}": 1500 + half_us[n] * share for n, share in moved.items()}), asked.T
 
 
 @pytest.mark.parametrize(
-    ("functions", "roll", "pitch"),
+    "functions",
     [
-        ({1: 77, 2: 78}, {1, 2}, {1, 2}),
-        ({1: 16, 2: 86, 3: 17, 4: 87}, {1, 2, 3, 4}, {1, 2, 3, 4}),
-        ({1: 24, 2: 19, 4: 21, 5: 25}, {1, 5}, {2}),
-        ({1: 4, 2: 79, 3: 80, 6: 4}, {1, 6}, {2, 3}),
+        {1: 77, 2: 78},
+        {1: 16, 2: 86, 3: 17, 4: 87},
+        {1: 24, 2: 19, 4: 21, 5: 25},
+        {1: 4, 2: 79, 3: 80, 6: 4},
         # A quadplane's and a tiltrotor's surfaces are those of its wing, whatever lifts it.
-        ({1: 4, 2: 19, 4: 21, 5: 33, 6: 34, 7: 35, 8: 36}, {1}, {2}),
-        ({1: 77, 2: 78, 5: 33, 6: 34, 7: 75, 8: 76}, {1, 2}, {1, 2}),
+        {1: 4, 2: 19, 4: 21, 5: 33, 6: 34, 7: 35, 8: 36},
+        {1: 77, 2: 78, 5: 33, 6: 34, 7: 75, 8: 76},
     ],
 )
 @pytest.mark.parametrize("reversed_", [0, 1])
-def test_each_function_moves_its_axes_by_what_was_asked(
-    functions: dict[int, float], roll: set[int], pitch: set[int], reversed_: int
-) -> None:
+def test_each_function_moves_its_axes_by_what_was_asked(functions: dict[int, float], reversed_: int) -> None:
     surfaces, sent, asked = mixed(functions, reversed_)
-    assert {one.servo for one in surfaces.of_axis("roll")} == roll
-    assert {one.servo for one in surfaces.of_axis("pitch")} == pitch
     demand = Demands(surfaces).feed(sent)
     # Left less right: elevons turn right by a demand to the left, which the sign of the gain takes up.
-    sign = -1.0 if surfaces.of_axis("roll")[0].kind == "elevon" else 1.0
-    assert demand[:, 0] == pytest.approx(sign * asked[:, 0], abs=1e-9)
-    assert demand[:, 1] == pytest.approx(asked[:, 1], abs=1e-9)
+    first = [next(iter(surfaces.of_axis(axis)), None) for axis in AXES]
+    sign = [np.nan if one is None else {"elevon": -1.0, "tail": -1.0}.get(one.kind, 1.0) for one in first]
+    sign[1] = 1.0
+    np.testing.assert_allclose(demand, sign * asked, atol=1e-9)
     assert surfaces.lift.servos == {n for n, function in functions.items() if 33 <= function <= 36}
 
 
@@ -115,6 +110,11 @@ def test_what_steers_a_rover_by_its_parameters() -> None:
     for values, px4, moved in (
         (rover, False, SurfaceOutput(3, STEERING, 1500, 400.0)),
         (rover | {"SERVO3_REVERSED": 1.0}, False, SurfaceOutput(3, STEERING, 1500, -400.0)),
+        (
+            {"CRUISE_THROTTLE": 50.0, "SERVO32_FUNCTION": 26.0},
+            False,
+            SurfaceOutput(32, STEERING, 1500, 400.0),
+        ),
         (frame, True, SurfaceOutput(2, STEERING, 1500, 500.0)),
         (frame | {"PWM_MAIN_REV": 2.0}, True, SurfaceOutput(2, STEERING, 1500, -500.0)),
     ):
@@ -123,6 +123,7 @@ def test_what_steers_a_rover_by_its_parameters() -> None:
         ({name: value for name, value in rover.items() if name != "CRUISE_THROTTLE"}, False),
         (frame | {"CA_AIRFRAME": 6.0}, True),
         ({"CA_AIRFRAME": 5.0, "UAVCAN_SV_FUNC1": 201.0}, True),  # output 33 is not a pulse
+        ({"CRUISE_THROTTLE": 50.0, "SERVO1_FUNCTION": 70.0, "SERVO2_FUNCTION": 29.0}, False),
     ):
         found = of_parameters(Parameters(1, px4, values))
         assert found is None or found.axes == AXES
