@@ -12,10 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mavhums.core.arrays import Integers
+from tests.log.damage import damage, damaged_bytes
 from tests.log.dataflash.kernel_check import scan
-from tests.log.dataflash.synthetic import KINDS, damage, damaged_bytes
 
-COUNTS = dict(zip(KINDS, (400, 200, 200, 50, 100, 50, 10), strict=True))
+COUNTS = {
+    "flips": 400, "cuts": 200, "long cuts": 200, "zeroed sectors": 50, "zeroed blocks": 100,
+    "random sectors": 50, "old clusters": 10,
+}  # fmt: skip
 
 
 class Recovery(NamedTuple):
@@ -44,7 +48,7 @@ def recover(data: bytes, kind: str, count: int, seed: int) -> Recovery:
     return Recovery(len(intact), len(found & intact), len(found - intact), trusting)
 
 
-def _together(origin: np.ndarray[tuple[int], np.dtype[np.int64]], place: int, size: int) -> bool:
+def _together(origin: Integers, place: int, size: int) -> bool:
     start = int(origin[place])
     return np.array_equal(origin[place : place + size], np.arange(start, start + size))
 

@@ -1,4 +1,4 @@
-"""Made DataFlash logs: every field type, several logs in one file, and ways to damage them."""
+"""Made DataFlash logs: every field type."""
 
 from __future__ import annotations
 
@@ -6,9 +6,6 @@ import random
 import struct
 from collections.abc import Callable, Sequence
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 CODES = {
     "a": "32h", "b": "b", "B": "B", "h": "h", "H": "H", "i": "i", "I": "I", "f": "f", "d": "d", "g": "e",
@@ -96,43 +93,3 @@ def mutated(rng: random.Random, original: bytes) -> bytes:
     else:
         data = bytearray(definition(128, "FMT", *FORMATS["FMT"][1:]))
     return bytes(data)
-
-
-KINDS = ("flips", "cuts", "long cuts", "zeroed sectors", "zeroed blocks", "random sectors", "old clusters")
-
-
-def damage(data: bytes, kind: str, count: int, seed: int) -> NDArray[np.int64]:
-    """Return where each byte of the damaged log comes from, -1 where it comes from nowhere.
-
-    -2 … -257 stand for the byte values 0…255 that were put there; a flipped bit is such a byte.
-    """
-    rng = np.random.default_rng(seed)
-    origin = np.arange(len(data))
-    if kind == "flips":
-        places = rng.choice(len(data), count, replace=False)
-        old = np.frombuffer(data, dtype=np.uint8)[places].astype(np.int64)
-        origin[places] = -2 - (old ^ (1 << rng.integers(0, 8, count)))
-        return origin
-    if kind in ("cuts", "long cuts"):
-        low, high = (1, 64) if kind == "cuts" else (64, 600)
-        keep = np.ones(len(data), dtype=bool)
-        for place in rng.choice(len(data) - high, count, replace=False):
-            keep[place : place + rng.integers(low, high + 1)] = False
-        return origin[keep]
-    size = {"zeroed sectors": 512, "zeroed blocks": 200, "random sectors": 512, "old clusters": 4096}[kind]
-    blocks = rng.choice(np.arange(4, len(data) // size), count, replace=False)
-    for block in blocks.tolist():
-        place = block * size
-        if kind.startswith("zeroed"):
-            origin[place : place + size] = -2
-        elif kind == "random sectors":
-            origin[place : place + size] = -2 - rng.integers(0, 256, size)
-        else:
-            origin[place : place + size] = origin[place - 3 * size : place - 2 * size]
-    return origin
-
-
-def damaged_bytes(data: bytes, origin: NDArray[np.int64]) -> bytes:
-    """The damaged log itself."""
-    put = -2 - origin
-    return np.where(origin >= 0, np.frombuffer(data, dtype=np.uint8)[origin], put).astype(np.uint8).tobytes()

@@ -9,19 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.log.damage import damage, damaged_bytes
 from tests.log.dataflash.hostile import check
 from tests.log.dataflash.kernel_check import checked, scan
 from tests.log.dataflash.recovery import COUNTS, recover
-from tests.log.dataflash.synthetic import (
-    FORMATS,
-    KINDS,
-    damage,
-    damaged_bytes,
-    definition,
-    fmt_of_fmt,
-    record,
-    stream,
-)
+from tests.log.dataflash.synthetic import FORMATS, definition, fmt_of_fmt, record, stream
 
 LOG = b"".join(stream(5, 3000))
 RCOU, LETTERS, _ = FORMATS["RCOU"]
@@ -43,7 +35,7 @@ def test_every_record_of_a_sound_log_is_found() -> None:
 @given(st.integers(0, 2**32), st.lists(st.integers(0, len(LOG)), max_size=6))
 @settings(deadline=None, max_examples=25)
 def test_where_blocks_end_never_matters(seed: int, places: list[int]) -> None:
-    origin = damage(LOG, random.Random(seed).choice(KINDS), 5, seed)
+    origin = damage(LOG, random.Random(seed).choice([*COUNTS]), 5, seed)
     data = damaged_bytes(LOG, origin)
     whole, scanner = scan(data)
     pieces, in_pieces = scan(data, [min(place, len(data)) for place in places])
@@ -67,7 +59,7 @@ def test_noise_is_accounted_for(noise: bytes, headed: bool) -> None:
     checked((HEAD if headed else b"") + noise)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COUNTS)
 def test_more_is_recovered_than_by_the_peers_and_less_is_false(kind: str) -> None:
     found = recover(LOG, kind, max(COUNTS[kind] // 20, 2), seed=1)
     slack = 3 if kind == "zeroed blocks" else 0  # a record that ends in zeros looks cut by zeros

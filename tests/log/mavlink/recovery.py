@@ -14,11 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mavhums.core.arrays import Integers
 from mavhums.log.mavlink.dialect import load_dialect
+from tests.log.damage import damage, damaged_bytes
 from tests.log.mavlink.kernel_check import Frame, scan
-from tests.log.mavlink.synthetic import Damaged, damage, stream
+from tests.log.mavlink.synthetic import stream
 
-KINDS = ("flips", "cuts", "insertions", "deletions")
+KINDS = ("flips", "outages", "insertions", "deletions")
 SPACINGS = (100_000, 10_000, 1_000)
 
 
@@ -34,30 +36,28 @@ class Recovery(NamedTuple):
 
 def recover(seed: int, count: int, kind: str, spacing: int) -> Recovery:
     """Damage a log and read what is left of it."""
-    records = stream(seed, count)
-    damaged = damage(b"".join(records), kind, spacing, seed)
-    data = damaged.data.tobytes()
-    known = load_dialect().definitions
+    records, known = stream(seed, count), load_dialect().definitions
+    whole = b"".join(records)
+    origin = damage(whole, kind, max(1, len(whole) // spacing), seed)
+    data = damaged_bytes(whole, origin)
     found = [frame for frame in scan(data)[0] if frame.id in known]
-    ends = np.cumsum([len(record) for record in records])
-    starts = ends - [len(record) for record in records]
-    by_start = {int(start) + 8: record for start, record in zip(starts, records, strict=True)}
-    true = [frame for frame in found if _written(frame, damaged, by_start)]
-    false = [frame for frame in found if not _written(frame, damaged, by_start)]
-    intact = _undamaged(damaged, by_start, known)
+    starts = np.cumsum([0, *map(len, records)])[:-1] + 8
+    by_start = dict(zip(starts.tolist(), records, strict=True))
+    written = [_written(frame, origin, by_start) for frame in found]
+    false = [frame for frame, true in zip(found, written, strict=True) if not true]
+    intact = _undamaged(origin, by_start, known)
     return Recovery(
         len(intact),
         len(intact & {frame.offset + 8 for frame in found}),
         sum(not frame.padded for frame in false),
         _by_pymavlink(data, records),
-        len(true),
+        sum(written),
     )
 
 
-def _undamaged(damaged: Damaged, by_start: dict[int, bytes], known: dict[int, Any]) -> set[int]:
+def _undamaged(origin: Integers, by_start: dict[int, bytes], known: dict[int, Any]) -> set[int]:
     """Return where in the stream the undamaged frames of known messages begin."""
     out = set()
-    origin = damaged.origin
     for place in np.flatnonzero(np.isin(origin, list(by_start))).tolist():
         start = int(origin[place])
         frame = by_start[start][8:]
@@ -68,10 +68,9 @@ def _undamaged(damaged: Damaged, by_start: dict[int, bytes], known: dict[int, An
     return out
 
 
-def _written(frame: Frame, damaged: Damaged, by_start: dict[int, bytes]) -> bool:
+def _written(frame: Frame, origin: Integers, by_start: dict[int, bytes]) -> bool:
     """Whether a frame with this head and payload was written where its bytes come from."""
-    start = int(damaged.origin[frame.offset + 8]) if frame.offset + 8 < damaged.origin.size else -1
-    record = by_start.get(start)
+    record = by_start.get(int(origin[frame.offset + 8])) if frame.offset + 8 < origin.size else None
     if record is None:
         return False
     head = 10 if record[8] == 0xFD else 6
@@ -87,18 +86,14 @@ def _by_pymavlink(data: bytes, records: list[bytes]) -> int:
     from pymavlink import mavutil
 
     left = Counter(record[8 : 8 + (12 if record[8] == 0xFD else 8) + record[9]] for record in records)
-    found = 0
+    found: Counter[bytes] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "damaged.tlog"
         path.write_bytes(data)
         connection = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
         while (message := connection.recv_msg()) is not None:
-            if message.get_type().startswith(("BAD_DATA", "UNKNOWN_")):
-                continue
-            buffer = bytes(message.get_msgbuf())
-            frame = buffer[: (12 if buffer[0] == 0xFD else 8) + buffer[1]]
-            if left[frame]:
-                left[frame] -= 1
-                found += 1
+            if not message.get_type().startswith(("BAD_DATA", "UNKNOWN_")):
+                buffer = bytes(message.get_msgbuf())
+                found[buffer[: (12 if buffer[0] == 0xFD else 8) + buffer[1]]] += 1
         connection.close()
-    return found
+    return (found & left).total()

@@ -1,18 +1,15 @@
-"""Seeded records of every message of the dialect, and ways to damage a stream of them."""
+"""Seeded records of every message of the dialect."""
 
 from __future__ import annotations
 
 import struct
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from fastcrc import crc16
-from numpy.typing import NDArray
 
 from mavhums.log.mavlink.dialect import MessageDefinition, load_dialect
 from tests.strategies import START_US
-
-Bytes = NDArray[np.uint8]
 
 
 def frame(rng: np.random.Generator, definition: MessageDefinition, sequence: int) -> bytes:
@@ -47,35 +44,6 @@ def stream(seed: int, count: int) -> list[bytes]:
             made = frame(rng, definitions[rng.integers(len(definitions))], k % 256)
         out.append(struct.pack(">Q", START_US + 10_000 * k) + made)
     return out
-
-
-class Damaged(NamedTuple):
-    """A stream after damage; ``origin`` is each byte's place before it, -1 for what was not there."""
-
-    data: Bytes
-    origin: NDArray[np.int64]
-
-
-def damage(data: bytes, kind: str, spacing: int, seed: int) -> Damaged:
-    """Damage a stream at one place in ``spacing`` bytes on average: flips, cuts, insertions, deletions."""
-    rng = np.random.default_rng(seed)
-    whole = np.frombuffer(data, dtype=np.uint8).copy()
-    origin = np.arange(whole.size)
-    places = np.sort(rng.choice(whole.size, max(1, whole.size // spacing), replace=False))
-    if kind == "flips":
-        whole[places] ^= (1 << rng.integers(0, 8, places.size)).astype(np.uint8)
-        origin[places] = -1
-        return Damaged(whole, origin)
-    longest = {"cuts": 4000, "insertions": 100, "deletions": 100}[kind]
-    lengths = rng.integers(1, longest + 1, places.size)
-    if kind == "insertions":
-        extra = rng.integers(0, 256, int(lengths.sum()), dtype=np.uint8)
-        where = np.repeat(places, lengths)
-        return Damaged(np.insert(whole, where, extra), np.insert(origin, where, -1))
-    kept = np.ones(whole.size, dtype=bool)
-    for place, length in zip(places.tolist(), lengths.tolist(), strict=True):
-        kept[place : place + length] = False
-    return Damaged(whole[kept], origin[kept])
 
 
 def mutated(rng: Any, record: bytes, definition_seeds: dict[int, int]) -> bytes:

@@ -5,50 +5,30 @@ A record is good if it is one of the sound log's, false if not.
 
 from __future__ import annotations
 
-import random
 from collections import Counter
-from collections.abc import Callable
 
 import numpy as np
 
+from tests.log.damage import damage, damaged_bytes
 from tests.log.decode import decode
 from tests.log.ulog.peer import Columns, columns_of_ours, columns_of_peer
 
 HEAD = 16
-Damage = Callable[[random.Random, bytes], bytes]
-
-
-def flips(rng: random.Random, log: bytes, count: int = 200) -> bytes:
-    out = bytearray(log)
-    for _ in range(count):
-        out[rng.randrange(HEAD, len(out))] ^= 1 << rng.randrange(8)
-    return bytes(out)
-
-
-def cuts(rng: random.Random, log: bytes, least: int, most: int, count: int = 50) -> bytes:
-    out = bytearray(log)
-    for place in sorted((rng.randrange(HEAD, len(log) - most) for _ in range(count)), reverse=True):
-        del out[place : place + rng.randint(least, most)]
-    return bytes(out)
-
-
-def sectors(rng: random.Random, log: bytes, noise: bool, count: int = 25) -> bytes:
-    out = bytearray(log)
-    for _ in range(count):
-        begin = rng.randrange(HEAD, len(log) - 512) // 512 * 512 + 512
-        if begin + 512 <= len(log):
-            out[begin : begin + 512] = rng.randbytes(512) if noise else bytes(512)
-    return bytes(out)
-
-
-DAMAGE: dict[str, Damage] = {
-    "200 bit flips": flips,
-    "50 cuts of 1–64 B": lambda rng, log: cuts(rng, log, 1, 64),
-    "50 cuts of 64–600 B": lambda rng, log: cuts(rng, log, 64, 600),
-    "25 zeroed sectors": lambda rng, log: sectors(rng, log, noise=False),
-    "25 random sectors": lambda rng, log: sectors(rng, log, noise=True),
-    "cut at 60 %": lambda _, log: log[: len(log) * 6 // 10],
+COUNTS = {
+    "flips": 200,
+    "cuts": 50,
+    "long cuts": 50,
+    "zeroed sectors": 25,
+    "random sectors": 25,
+    "cut at 60 %": 0,
 }
+
+
+def damaged(log: bytes, name: str, seed: int) -> bytes:
+    """Return a log whose header alone is sound; of a name without a count, its first 60 %."""
+    if name not in COUNTS:
+        return log[: len(log) * 6 // 10]
+    return log[:HEAD] + damaged_bytes(log[HEAD:], damage(log[HEAD:], name, COUNTS[name], seed))
 
 
 def records(columns: Columns) -> Counter[bytes]:

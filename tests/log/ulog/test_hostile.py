@@ -9,7 +9,7 @@ import pytest
 from tests.log.decode import decode
 from tests.log.ulog import writer
 from tests.log.ulog.hostile import check
-from tests.log.ulog.recovery import DAMAGE, ours, score, theirs
+from tests.log.ulog.recovery import COUNTS, damaged, ours, score, theirs
 
 
 def test_mutated_logs_are_the_same_log_however_they_are_cut() -> None:
@@ -29,7 +29,7 @@ def test_noise_behind_a_header_yields_nothing() -> None:
 
 LOG = writer.flight(60.0)
 SOUND = theirs(LOG)
-FALSE = {"200 bit flips": 190}
+FALSE = {"flips": 190}
 """Of flips most hit a record's values, which nothing protects; each can make one false record."""
 
 
@@ -38,10 +38,10 @@ def test_the_sound_log_is_the_same_from_both() -> None:
     assert SOUND.total() > 4000
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", DAMAGE)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("name", [*COUNTS, "cut at 60 %"])
 def test_damage_costs_no_more_than_it_costs_pyulog(name: str, seed: int) -> None:
-    damaged = DAMAGE[name](random.Random(seed), LOG)
-    good, false = score(ours(damaged), SOUND)
-    assert good >= score(theirs(damaged), SOUND)[0]
+    log = damaged(LOG, name, seed)
+    good, false = score(ours(log), SOUND)
+    assert good >= score(theirs(log), SOUND)[0]
     assert false <= FALSE.get(name, 2)
