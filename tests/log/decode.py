@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
 
 from mavhums.log import Decoder, Table
 from tests.strategies import blocks
@@ -30,3 +33,18 @@ def assert_cuts_do_not_matter(data: bytes, places: Iterable[int]) -> Decoder:
     for part in ("losses", "counts", "unknown", "first_time_us", "last_time_us"):
         assert getattr(decoder, part) == getattr(expected, part), part
     return expected
+
+
+def differing_fields(table: Table, messages: list[Any]) -> list[str]:
+    """Name the fields of a table whose values are not those of pymavlink's messages, row by row."""
+    wrong = []
+    for field in messages[0].fieldnames:
+        ours, raw = table[field], f"_{field}_raw"
+        if hasattr(messages[0], raw) or ours.dtype.kind == "S":
+            name = raw if hasattr(messages[0], raw) else field
+            same = ours.tolist() == [bytes(getattr(m, name)).rstrip(b"\0") for m in messages]
+        else:
+            theirs = np.array([getattr(m, field) for m in messages]).astype(ours.dtype)
+            same = np.array_equal(ours, theirs, equal_nan=ours.dtype.kind == "f")
+        wrong += [] if same else [field]
+    return wrong

@@ -11,7 +11,6 @@ import pytest
 import mavhums
 from mavhums.core.errors import UnreadableLogError
 from mavhums.log import Decoder, Table, read_blocks, read_log
-from mavhums.log.mavlink.decoder import vehicles_of
 from mavhums_sim import FlightRecord
 
 
@@ -114,11 +113,6 @@ def test_a_file_that_may_not_be_read_is_named(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr("os.open", refuse)
     with pytest.raises(UnreadableLogError, match="Permission denied"):
         read_log(path)
-
-
-def test_vehicles_are_told_from_ground_stations() -> None:
-    counts = {(255, 190, "HEARTBEAT"): 5, (2, 1, "SERVO_OUTPUT_RAW"): 1, (1, 1, "ATTITUDE"): 1}
-    assert vehicles_of(counts) == (1, 2)
 
 
 def test_actuators_give_histories_by_name(growing_log: Path, growing_record: FlightRecord) -> None:

@@ -14,18 +14,15 @@ from pymavlink.dialects.v20 import ardupilotmega
 from mavhums.log import Table, read_log
 from mavhums.log.base.decoder import ODD_TIME
 from tests.conftest import REAL_LOGS, carried_logs, needs, real_logs
+from tests.log.decode import differing_fields
 
 DAMAGED = ("Avalanche", "LucaGemma", "ardusub_log_tools", "mavrik-control")
 WITHOUT_STAMPS = ".tlog.raw"
 LOGS = [path for path in (*carried_logs(), *real_logs()) if path.suffix == ".tlog"]
 NOT_IN_PYMAVLINK = {
-    "CURRENT_EVENT_SEQUENCE",
-    "ESC_INFO",
-    "ESC_STATUS",
-    "EVENT",
-    "LINK_NODE_STATUS",
+    "CURRENT_EVENT_SEQUENCE", "ESC_INFO", "ESC_STATUS", "EVENT", "LINK_NODE_STATUS",
     "TIME_ESTIMATE_TO_TARGET",
-}
+}  # fmt: skip
 
 
 def by_pymavlink(path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[Any]]:
@@ -39,10 +36,6 @@ def by_pymavlink(path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[
     return messages
 
 
-def key(system: int, component: int, sequence: int, payload: bytes) -> tuple[int, int, int, bytes]:
-    return system, component, sequence, payload
-
-
 def assert_same_fields(table: Table, messages: list[Any]) -> None:
     assert np.array_equal(table.system, [m.get_srcSystem() for m in messages])
     assert np.array_equal(table.component, [m.get_srcComponent() for m in messages])
@@ -50,14 +43,7 @@ def assert_same_fields(table: Table, messages: list[Any]) -> None:
     times = np.array([m._timestamp for m in messages])
     sound = table.flags & ODD_TIME == 0
     assert np.allclose(table.time_us[sound] / 1e6, times[sound], rtol=0, atol=1e-6)
-    for field in messages[0].fieldnames:
-        ours = table[field]
-        raw = f"_{field}_raw"
-        if hasattr(messages[0], raw):
-            assert ours.tolist() == [bytes(getattr(m, raw)).rstrip(b"\0") for m in messages], field
-        else:
-            theirs = np.array([getattr(m, field) for m in messages])
-            assert np.array_equal(ours, theirs.astype(ours.dtype), equal_nan=ours.dtype.kind == "f"), field
+    assert differing_fields(table, messages) == []
 
 
 @pytest.mark.parametrize("path", LOGS, ids=lambda path: path.name)
@@ -88,19 +74,11 @@ def assert_nothing_that_pymavlink_found_is_missing(
     for name, messages in theirs.items():
         if name.startswith("UNKNOWN_"):
             continue
-        table = tables[name]
-        size = table.fields.dtype.itemsize
-        ours = Counter(
-            map(
-                key,
-                table.system.tolist(),
-                table.component.tolist(),
-                table.sequence.tolist(),
-                (row.tobytes() for row in table.fields),
-            )
-        )
+        table, size = tables[name], tables[name].fields.dtype.itemsize
+        heads = (table.system.tolist(), table.component.tolist(), table.sequence.tolist())
+        ours = Counter(zip(*heads, (row.tobytes() for row in table.fields), strict=True))
         found = Counter(
-            key(m.get_srcSystem(), m.get_srcComponent(), m.get_seq(), payload_of(m).ljust(size, b"\0")[:size])
+            (m.get_srcSystem(), m.get_srcComponent(), m.get_seq(), payload_of(m).ljust(size, b"\0")[:size])
             for m in messages
         )
         assert not found - ours, name

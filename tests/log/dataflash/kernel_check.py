@@ -34,10 +34,8 @@ def scan(data: bytes, places: Iterable[int] = ()) -> tuple[list[Record], RecordS
             start = int(row["offset"]) - batch.base + GUARD
             payload = batch.data[start + 3 : start + body[1]].tobytes()
             name = b"FMT" if row["definition"] == 0 else body
-            odd = bool(row["flags"] & ODD_TIME)
-            found.append(
-                Record(int(row["offset"]), name, payload, int(row["time_us"]), int(row["number"]), odd)
-            )
+            offset, time_us, boot = (int(row[key]) for key in ("offset", "time_us", "number"))
+            found.append(Record(offset, name, payload, time_us, boot, bool(row["flags"] & ODD_TIME)))
     return found, scanner
 
 

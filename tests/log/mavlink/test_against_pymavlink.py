@@ -22,9 +22,7 @@ def log_of(path: Path, *frames: bytes) -> Path:
 
 def types_by_pymavlink(path: Path) -> list[str]:
     connection = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
-    out = []
-    while (message := connection.recv_msg()) is not None:
-        out.append(message.get_type())
+    out = [message.get_type() for message in iter(connection.recv_msg, None)]
     connection.close()
     return out
 

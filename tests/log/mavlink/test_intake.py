@@ -7,11 +7,14 @@ import struct
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log import Decoder
 from mavhums.log.mavlink.decoder import Intake
 from mavhums.log.mavlink.dialect import load_dialect
-from tests.strategies import START_US, Record, blocks, cuts, records
+from tests.log.decode import decode
+from tests.logs import packed
+from tests.strategies import Record, blocks, cuts, records
 
 
 def passed(data: bytes, places: list[int]) -> tuple[bytes, Intake]:
@@ -22,15 +25,7 @@ def passed(data: bytes, places: list[int]) -> tuple[bytes, Intake]:
 
 def lines(count: int = 30) -> bytes:
     """Records in which every byte value occurs, line feeds and carriage returns among them."""
-    from pymavlink.dialects.v20 import ardupilotmega as v2
-
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    out = b""
-    for k in range(count):
-        message = v2.MAVLink_tunnel_message(1, 1, 0, 128, [10, 13, 10, *range(125)])
-        out += struct.pack(">Q", START_US + k) + bytes(message.pack(link))
-        link.seq = k
-    return out
+    return packed([v2.MAVLink_tunnel_message(1, 1, 0, 128, [10, 13, 10, *range(125)])] * count, step_us=1)
 
 
 @given(records(), st.data())
@@ -58,8 +53,6 @@ def test_a_conversion_to_text_is_undone_byte_for_byte(data: st.DataObject) -> No
 
 def test_text_that_the_log_carries_is_no_conversion() -> None:
     """Every frame holds a carriage return and a line feed, as a serial tunnel would."""
-    from pymavlink.dialects.v20 import ardupilotmega as v2
-
     link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
     frame = bytes(v2.MAVLink_statustext_message(6, b"ready\r\n").pack(link))
     stamps = (int.from_bytes(b"\0\5\x99\1\1\1\x20\0") + 256 * k for k in range(200))
@@ -79,8 +72,7 @@ def test_what_is_held_back_is_bounded() -> None:
 @pytest.mark.parametrize("count", [1, 3, 30])
 def test_frames_back_to_back_are_recognised(count: int) -> None:
     whole = lines(count)
-    size = len(whole) // count
-    raw = b"".join(whole[k + 8 : k + size] for k in range(0, len(whole), size))
+    raw = without_stamps(whole, count)
     out, intake = passed(raw, list(range(0, len(raw), 7)))
     assert out == raw
     assert intake.stamp == 0
@@ -91,16 +83,15 @@ def test_a_log_that_lost_its_first_stamp_has_stamps() -> None:
     assert passed(lines()[8:], [])[1].stamp == 8
 
 
-def capture(count: int = 200) -> bytes:
-    """Frames back to back, as a serial line carries them."""
-    from pymavlink.dialects.v20 import ardupilotmega as v2
+def without_stamps(log: bytes, count: int) -> bytes:
+    """Frames back to back, as a serial line carries them, of records of equal size."""
+    size = len(log) // count
+    return b"".join(log[k + 8 : k + size] for k in range(0, len(log), size))
 
-    link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
-    out = b""
-    for k in range(count):
-        out += bytes(v2.MAVLink_attitude_message(1000 + 100 * k, 0.1, 0.2, 0.3, 0, 0, 0).pack(link))
-        link.seq = (link.seq + 1) % 256
-    return out
+
+def capture(count: int = 200) -> bytes:
+    attitudes = (v2.MAVLink_attitude_message(1000 + 100 * k, 0.1, 0.2, 0.3, 0, 0, 0) for k in range(count))
+    return without_stamps(packed(attitudes), count)
 
 
 BEGINNINGS = {
@@ -116,19 +107,13 @@ BEGINNINGS = {
 @pytest.mark.parametrize("size", [7, 1000, 1 << 20])
 def test_a_capture_that_does_not_begin_on_a_frame_is_read(beginning: bytes, size: int) -> None:
     whole = beginning + capture()
-    decoder = Decoder()
-    rows = sum(len(decoder.feed(whole[k : k + size]).get("ATTITUDE", ())) for k in range(0, len(whole), size))
-    rows += len(decoder.feed(b"", final=True).get("ATTITUDE", ()))
-    assert rows == 200
+    tables, decoder = decode(whole, range(size, len(whole), size))
+    assert len(tables["ATTITUDE"]) == 200
     assert decoder.undated
     assert decoder.losses.bytes_skipped == len(beginning)
 
 
 def test_a_log_that_begins_amid_a_record_keeps_its_times() -> None:
-    whole = lines()
-    decoder = Decoder()
-    rows = len(decoder.feed(whole[5:]).get("TUNNEL", ())) + len(
-        decoder.feed(b"", final=True).get("TUNNEL", ())
-    )
-    assert rows in (29, 30)
+    tables, decoder = decode(lines()[5:])
+    assert len(tables["TUNNEL"]) in (29, 30)
     assert not decoder.undated

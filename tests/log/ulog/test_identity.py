@@ -16,20 +16,8 @@ from tests.log.ulog import writer
 from tests.log.ulog.peer import columns_of_ours, columns_of_peer, differences, pyulog_reads
 
 ULOGS = [path for path in real_logs() if path.suffix == ".ulg"]
-TYPES = {
-    "int8_t": 1,
-    "uint8_t": 1,
-    "int16_t": 2,
-    "uint16_t": 2,
-    "int32_t": 4,
-    "uint32_t": 4,
-    "int64_t": 8,
-    "uint64_t": 8,
-    "float": 4,
-    "double": 8,
-    "bool": 1,
-    "char": 1,
-}
+TYPES = {f"{sign}int{8 * size}_t": size for sign in ("", "u") for size in (1, 2, 4, 8)}
+TYPES |= {"float": 4, "double": 8, "bool": 1, "char": 1}
 Field = tuple[str, int | None]
 
 
