@@ -12,6 +12,8 @@ import mavhums
 from mavhums.core.errors import UnreadableLogError
 from mavhums.log import Decoder, Table, read_blocks, read_log
 from mavhums_sim import FlightRecord
+from tests.log.dataflash.synthetic import definition, fmt_of_fmt, stream
+from tests.log.ulog import writer
 
 
 def test_read_log_gives_tables_by_time_of_reception(growing_log: Path, growing_record: FlightRecord) -> None:
@@ -39,6 +41,9 @@ def test_tables_join_and_select(short_log: Path) -> None:
     assert len(whole.select(whole["roll"] > 0)) == np.count_nonzero(whole["roll"] > 0)
 
 
+TOPIC = writer.form("topic", "uint64_t timestamp;float value;") + writer.subscribe(1, "topic")
+
+
 @pytest.mark.parametrize(
     ("name", "content", "problem", "remedy"),
     [
@@ -50,6 +55,23 @@ def test_tables_join_and_select(short_log: Path) -> None:
         ("log.zip", b"PK\x03\x04" + bytes(100), "damaged", "unpack"),
         ("notes.txt", "Fuß und Hand\n".encode() * 20, "text file", ".tlog"),
         ("noise.tlog", bytes(range(128, 256)) * 40, "neither a MAVLink frame nor", ".tlog"),
+        (
+            "old.bin",
+            fmt_of_fmt() + definition(3, "ATT", "Ic", "TimeMS,Roll") + bytes(300),
+            "older than TimeUS",
+            ".tlog",
+        ),
+        (
+            "old.px4log",
+            definition(2, "ATT", "f", "Roll") + definition(129, "TIME", "Q", "StartTime") + bytes(300),
+            "PX4 from before ULog",
+            "",
+        ),
+        ("headless.bin", b"".join(stream(1, 200)[10:]), "FMT", "same firmware"),
+        ("flight.log", b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name\nATT, 1000, 0, 0\n", "text", ".BIN"),
+        ("newer.ulg", writer.header(incompatible=2) + TOPIC, "needs a newer reader", ""),
+        ("noise.ulg", writer.MAGIC + bytes(9), "no message", ""),
+        ("ground.ulg", writer.header() + writer.parameter("A", 1) * 3, "no topic", ""),
     ],
 )
 def test_what_is_no_log_is_named(

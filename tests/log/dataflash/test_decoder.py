@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from mavhums.core.errors import UnreadableLogError
-from mavhums.log import Decoder, read_log
+from mavhums.log import Decoder
 from mavhums.log.dataflash import DataFlashDecoder
-from tests.log.dataflash.synthetic import FORMATS, definition, fmt_of_fmt, record, stream
+from tests.log.dataflash.synthetic import FORMATS, definition, record
 from tests.log.decode import assert_cuts_do_not_matter
 from tests.strategies import cuts
 
@@ -141,58 +138,16 @@ def test_names_that_stand_for_two_things_are_unknown() -> None:
     assert decoder.losses.unknown_frames == 2
 
 
-def test_a_log_older_than_timeus_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "old.bin"
-    path.write_bytes(fmt_of_fmt() + definition(3, "ATT", "IccC", "TimeMS,Roll,Pitch,Yaw") + bytes(300))
-    with pytest.raises(UnreadableLogError) as refused:
-        read_log(path)
-    assert "older than TimeUS" in refused.value.problem
-    assert str(path) in refused.value.problem
-    assert ".tlog" in refused.value.remedy
-
-
-def test_a_log_of_px4_from_before_ulog_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "old.px4log"
-    columns = [(2, "ATT", "fff", "Roll,Pitch,Yaw"), (129, "TIME", "Q", "StartTime")]
-    path.write_bytes(b"".join(definition(*one) for one in columns) + bytes(300))
-    with pytest.raises(UnreadableLogError, match="PX4 from before ULog"):
-        read_log(path)
-
-
-def test_a_log_without_definitions_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "headless.bin"
-    path.write_bytes(b"".join(stream(1, 200)[10:]))
-    with pytest.raises(UnreadableLogError) as refused:
-        read_log(path)
-    assert "FMT" in refused.value.problem
-    assert "same firmware" in refused.value.remedy
-
-
-def test_a_text_dump_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "flight.log"
-    path.write_text("FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nATT, 1000, 0, 0\n")
-    with pytest.raises(UnreadableLogError) as refused:
-        read_log(path)
-    assert "text" in refused.value.problem
-    assert ".BIN" in refused.value.remedy
-
-
 def test_a_definition_of_another_length_than_its_fields_is_no_damage_unless_records_follow() -> None:
     """ArduCopter 3.4 defines EKF5 so, and never writes one."""
     slip = bytearray(definition(164, "EKF5", "QBhhhcccCCfff", "TimeUS,NI,FIX,FIY,AFI,HAGL"))
     slip[4] = 28
     log = one_log()
-    sound, found = DataFlashDecoder(), DataFlashDecoder()
-    tables, without = (
-        found.feed(log.replace(HEAD, HEAD + bytes(slip)), final=True),
-        sound.feed(log, final=True),
-    )
+    defined = log.replace(HEAD, HEAD + bytes(slip))
+    sound, found, damaged = DataFlashDecoder(), DataFlashDecoder(), DataFlashDecoder()
+    tables = found.feed(defined, final=True)
     assert not found.losses.any
     assert "EKF5" not in tables
-    assert [*tables] == [*without]
-    damaged = DataFlashDecoder()
-    damaged.feed(
-        log.replace(HEAD, HEAD + bytes(slip)) + bytes([0xA3, 0x95, 164]) + bytes(25) + rcou(9_000_000)
-    )
-    damaged.feed(b"", final=True)
+    assert [*tables] == [*sound.feed(log, final=True)]
+    damaged.feed(defined + bytes([0xA3, 0x95, 164]) + bytes(25) + rcou(9_000_000), final=True)
     assert damaged.losses.any

@@ -94,31 +94,16 @@ def test_pymavlink_accepts_the_same(sent: list[tuple[int, int, int]], data: st.D
     signers = {(system, link): Signer(system=system, link=link) for system in (1, 2) for link in (0, 1)}
     frames = [signers[system, link].frame(NOW + ticks) for system, link, ticks in sent]
     receiver = v2.MAVLink(None)
-    receiver.signing.secret_key = KEY
-    receiver.robust_parsing = True
-    receiver.signing.timestamp = 0
+    receiver.signing.secret_key, receiver.robust_parsing, receiver.signing.timestamp = KEY, True, 0
     oracle = 0
     for frame in frames:
-        message = receiver.parse_char(frame)
-        oracle += message.get_type() == "ATTITUDE"
-        ticks = int.from_bytes(frame[-12:-6], "little")
-        if message.get_type() == "ATTITUDE":
+        if receiver.parse_char(frame).get_type() == "ATTITUDE":
+            oracle += 1
+            ticks = int.from_bytes(frame[-12:-6], "little")
             receiver.signing.timestamp = max(receiver.signing.timestamp, ticks)
     content = log_of(frames)
     found = read(content, tuple(data.draw(cuts(len(content)))))
     assert found == (oracle, 0, 0, len(frames) - oracle)
-
-
-def test_reading_twice_takes_nothing_away() -> None:
-    """What was accepted is accepted again: so a recording of accepted frames reads as the session did."""
-    signers = [Signer(), Signer(link=1)]
-    frames = [signers[k % 2].frame(NOW + k * k % 17) for k in range(40)]
-    decoder = Decoder(key=KEY)
-    accepted = [
-        frame for k, frame in enumerate(frames) if decoder.feed((START_US + k).to_bytes(8, "big") + frame)
-    ]
-    assert 2 < len(accepted) < 40
-    assert read(log_of(accepted)) == (len(accepted), 0, 0, 0)
 
 
 def test_keys_come_raw_or_in_hexadecimal(tmp_path: Path) -> None:
@@ -156,15 +141,12 @@ def test_analyse_takes_a_key(run: Run, tmp_path: Path) -> None:
     write_tlog(record, signed, Link(key=KEY))
     key.write_text(KEY.hex())
     other.write_bytes(bytes(32))
-    assert (
-        mavhums.analyse(signed, mavhums.Options(key=key)).exit_code == mavhums.core.errors.ExitCode.EMERGENCY
-    )
-    assert run("analyse", signed, "--key", key).code == 11
+    assessment = mavhums.analyse(signed, mavhums.Options(key=key))
+    assert assessment.exit_code == run("analyse", signed, "--key", key).code == 11
     refused = run("analyse", signed, "--key", other)
     assert refused.code == 12
     assert "frames with a wrong signature" in refused.out
     pytest.importorskip("rerun")
-    assessment = mavhums.analyse(signed, mavhums.Options(key=key))
     mavhums.record(assessment, tmp_path / "signed.rrd", mavhums.Options(key=KEY))
     assert (tmp_path / "signed.rrd").read_bytes().startswith(b"RRF")
 
