@@ -19,7 +19,6 @@ import numpy as np
 
 from benchmarks.motors import rotors, signals
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.motor.heating import EscHeating
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.motor.vibration import UNBALANCE, RotorVibration
@@ -58,7 +57,7 @@ def judged(craft: Craft, frame: str, radii: np.ndarray, source: str, number: int
         told = np.interp(at, flown.time_s, rpm) * (1 + rng.normal(0.0, 0.002, at.size))
         speeds.hear(esc, at, told)
         vibration.hear_speed(esc, at, told)
-    monitor, rates = MotorMonitor(1, rotors(frame), (speeds, vibration, EscHeating())), Rates(outputs=10.0)
+    monitor, rates = MotorMonitor(1, rotors(frame), (speeds, vibration)), Rates(outputs=10.0)
     seconds = Grid(0).feed([*signals(flown, rates, number)], final=True)
     if seconds is not None:
         list(monitor.feed(seconds, Phases().feed(seconds, monitor.rotors)))

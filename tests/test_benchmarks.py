@@ -91,14 +91,6 @@ RUNS: dict[str, list[Small]] = {
             compares={"| condition, clear severity": Cells(of="of")},
         ),
     ],
-    "heating": [
-        Small(
-            "--craft 1",
-            {"EACH": 1, "HISTORIES": (10,)},
-            slow=True,
-            compares={"| flights before | cooling": Cells(labels=1)},
-        )
-    ],
     "holes": [Small("--every 100 LOG")],
     "house": [Small(slow=True)],
     "links": [Small("LINKS", slow=True, needs=LINKS)],

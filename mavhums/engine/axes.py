@@ -17,7 +17,7 @@ from mavhums.log.base.decoder import Losses, text_of
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.facts import Signal
-from mavhums.vehicle.formats import esc_speeds, esc_temperatures, reports
+from mavhums.vehicle.formats import esc_speeds, reports
 from mavhums.vehicle.formats.base import FactReport
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
@@ -115,9 +115,6 @@ class Axes:
                 self._vehicles[vehicle].motors.hear_speed(esc, time_s, speeds)
             if admits(vehicle):
                 self._events.of(vehicle).hear_source(f"ESC {esc + 1}", time_s)
-        for vehicle, esc, time_us, celsius in esc_temperatures(tables):
-            if vehicle in self._vehicles:
-                self._vehicles[vehicle].motors.heating.hear(esc, (time_us - start_us) / 1e6, celsius)
         for vehicle, source, time_us, force in self._bursts.feed(tables):
             if vehicle in self._vehicles:
                 time_s = (time_us - start_us) / 1e6

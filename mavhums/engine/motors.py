@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 from mavhums.core.arrays import Array
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import ConditionChanged, Trace
-from mavhums.health.motor.heating import EscHeating
 from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.motor.vibration import RotorVibration
 from mavhums.health.verdict.obstacles import unjudged
@@ -50,14 +49,12 @@ class VehicleMotors:
         The speeds that its ESCs report.
     vibration
         How its rotors shake it.
-    heating
-        The temperatures of its ESCs.
     """
 
     def __init__(self, vehicle: int, options: EngineOptions) -> None:
         self._vehicle, self._options = vehicle, options
         self.by_parameters: Rotors | Reason | None = None
-        self.speeds, self.vibration, self.heating = EscSpeeds(), RotorVibration(), EscHeating()
+        self.speeds, self.vibration = EscSpeeds(), RotorVibration()
         self._monitor: MotorMonitor | None = None
         self._early: list[Seconds] = []
         self._began_s: int | None = None
@@ -87,7 +84,7 @@ class VehicleMotors:
             self._monitor = MotorMonitor(
                 self._vehicle,
                 rotors,
-                (self.speeds, self.vibration, self.heating),
+                (self.speeds, self.vibration),
                 self._options.false_alarms,
                 traced=self._options.vehicle_states,
             )
@@ -103,7 +100,6 @@ class VehicleMotors:
         first_s = int(seconds.index[-1]) - _EARLY_S - _LATE_S
         self.speeds.forget(2 * first_s, inf)
         self.vibration.forget(first_s)
-        self.heating.forget(first_s)
         kept = int((seconds.index < self._began_s + _EARLY_S).sum())  # however the log is cut into blocks
         if kept:
             self._early.append(seconds.part(0, kept))

@@ -192,8 +192,6 @@ def _what(verdict: Verdict) -> str:
         return f"{which} lost {100 - kept_percent(verdict, thrust)} % of its thrust"
     if "unbalance" in kinds:
         return ": its rotor is out of balance"
-    if "heating" in kinds:
-        return ": its ESC runs hot for its load"
     if verdict.subject == "actuator":
         return _of_actuator(verdict, kinds)
     axis, left = verdict.actuator, kinds.get("effectiveness")

@@ -138,7 +138,6 @@ def finding(item: Evidence) -> str:
         "thrust",
         "speed",
         "unbalance",
-        "heating",
     ):
         return f"{when}: {item.rule}"
     if item.kind == "friction":

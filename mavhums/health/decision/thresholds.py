@@ -71,7 +71,7 @@ MOST_BANK_DEG: Final = 60
 # nobody recorded on the list for longer.
 LASTING_FLIGHTS: Final = 5
 
-# Rise of a wear, of an unbalance or of a warming that is worth finding: less is not reported of a rotor or an
-# ESC, for a propeller that is put on anew sits otherwise, and a wind from another side cools another arm;
-# beyond it, a comparison of a servo says at which rate of false alarms it would be. By hand.
+# Rise of a wear or of an unbalance that is worth finding: less is not reported of a rotor, for a propeller
+# that is put on anew sits otherwise; beyond it, a comparison of a servo says at which rate of false alarms it
+# would be. By hand.
 USEFUL_RISE: Final = 0.5

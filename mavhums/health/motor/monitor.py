@@ -15,7 +15,6 @@ from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.decision.thresholds import AGREEING, FALSE_ALARMS
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.motor import evidence
-from mavhums.health.motor.heating import EscHeating
 from mavhums.health.motor.hypotheses import hypotheses_of
 from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
 from mavhums.health.motor.thresholds import (
@@ -180,7 +179,7 @@ class MotorMonitor:
     rotors
         Its motors.
     heard
-        The speeds that its ESCs report, how its rotors shake it, and the temperatures of its ESCs.
+        The speeds that its ESCs report, and how its rotors shake it.
     false_alarms
         Accepted number of false alarms in 100 hours.
     traced
@@ -191,7 +190,7 @@ class MotorMonitor:
         self,
         vehicle: int,
         rotors: Rotors,
-        heard: tuple[EscSpeeds, RotorVibration, EscHeating] | None = None,
+        heard: tuple[EscSpeeds, RotorVibration] | None = None,
         false_alarms: float = FALSE_ALARMS,
         *,
         traced: bool = False,
@@ -201,7 +200,7 @@ class MotorMonitor:
         self._rules, self._hypotheses = evidence.rules_for(false_alarms), hypotheses_of(len(rotors.servos))
         self._state = evidence.new_state(len(rotors.servos))
         self._trims = Trims(rotors.columns)
-        speeds, self._vibration, self._heating = heard or (EscSpeeds(), RotorVibration(), EscHeating())
+        speeds, self._vibration = heard or (EscSpeeds(), RotorVibration())
         self._speeds = SpeedsBesideThrust(speeds, rotors.servos)
         self._loss: ThrustLoss | None = None
         self._withdrawn: tuple[ThrustLoss, float] | None = None
@@ -245,8 +244,6 @@ class MotorMonitor:
             settled = np.asarray(found[rows, 6] > 0.0)
             self._trims.add(thrusts[rows], settled)
             self._vibration.add(second, settled)
-            if flown[rows].all():
-                self._heating.add(second, (thrusts[rows] ** 2).mean(axis=0))
             yield from self._withdraw(second + 1.0)
             for at in (row + np.flatnonzero(found[rows, 0])).tolist():
                 yield from self._alarm(first + at / RATE_HZ, float(spacing[at]), found[at])
@@ -368,17 +365,14 @@ class MotorMonitor:
             cause=self._speeds.cause(self._loss.motor - 1, self._loss.since_s) if self._loss else None,
             withdrawn=self._withdrawn,
             indicators=tuple(
-                (*self._trims.of_motor(motor), *shaking, *heating)
-                for motor, (shaking, heating) in enumerate(self._by_esc())
+                (*self._trims.of_motor(motor), *shaking) for motor, shaking in enumerate(self._shaking())
             ),
         )
 
-    def _by_esc(self) -> Iterator[tuple[tuple[Indicator, ...], ...]]:
-        """Yield what the ESC of each motor shows of its vibration and of its heating."""
+    def _shaking(self) -> list[tuple[Indicator, ...]]:
+        """Return what the speed that each motor's ESC reports shows of its vibration."""
         escs, how = self._speeds.escs()
-        if not how:
-            return iter([((), ())] * len(self.rotors.servos))
-        return zip(self._vibration.indicators(escs), self._heating.indicators(escs), strict=True)
+        return self._vibration.indicators(escs) if how else [()] * len(self.rotors.servos)
 
 
 def condition_of(share: Interval) -> Condition:

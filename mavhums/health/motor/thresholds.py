@@ -85,5 +85,3 @@ LEAST_TRIM_CHANGE: Final = 0.15
 UNBALANCE_SCATTER: Final = 0.3
 """Scatter of a rotor's unbalance between flights, by its mean: the level of vibration of one real quad with
 whole propellers scatters by 0.2 between three flights; no log at hand has that of a rotor."""
-HEATING_SCATTER: Final = 0.1
-"""That of an ESC's warming beside the others. By hand: no log at hand has it; simulated ones, 0.05 to 0.2."""

@@ -9,7 +9,6 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis import detectors as axis_detectors
-from mavhums.health.motor.heating import HEATING
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import Candidate, Verdict
@@ -78,8 +77,6 @@ def with_advice(verdict: Verdict) -> Verdict:
         chain = f"propeller, {before}" if not told else before if "the ESC" in told else "propeller"
         if any(item.kind == UNBALANCE for item in verdict.evidence):
             chain = "propeller, its hub and the bearings"
-        elif any(item.kind == HEATING for item in verdict.evidence):
-            chain = "ESC, its cooling and contacts, and the bearings"
         chain = f"the {chain} of {verdict.actuator}"
         advice = _BY_CONDITION[verdict.gravest].format(parts=chain)
         if verdict.gravest == "emergency":

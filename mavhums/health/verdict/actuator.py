@@ -113,7 +113,10 @@ def unjudged_actuator(
     if tier is None or not (tier.judged or provenance.keys() - {"V1"}):
         return _unmonitored(vehicle, actuator.name, tier, provenance, [Reason("no_angle")] * no_angle)
     reasons = [*_refusal(provenance), *filter(None, [own_gap])]
-    if actuator.blanks:
+    at_bus = _at_bus(actuator, provenance)
+    if at_bus:  # constants would not help
+        reasons.append(at_bus)
+    elif actuator.blanks:
         travel = ["travel_deg"] * no_angle
         reasons.append(Reason("blanks", blanks=", no ".join((*actuator.blanks, *travel))))
     if not (actuator.blanks and tier.judged and provenance):
@@ -170,14 +173,23 @@ def crowded_out(vehicle: int, tier: Tier | None, most: int) -> Verdict:
     return unjudged(vehicle, ALL, Reason("crowded_out", most=most), tier=tier)
 
 
+def _at_bus(actuator: Actuator, provenance: Mapping[str, str]) -> Reason | None:
+    """Return the reason if the power of a supply bus is all that is known of the motor."""
+    # Without constants V5 is still the current of the bus.
+    motor_current = "V5" in provenance and actuator.ema is not None
+    if actuator.esc_side != "bus" or motor_current or not {"V5", "V6"} & provenance.keys():
+        return None
+    return Reason("bus_power", record=to_record("motor quantities"))
+
+
 def _why_undecided(actuator: Actuator, findings: ActuatorFindings, provenance: dict[str, str]) -> Reason:
     missing = [] if "V7" in provenance else ["V7"]
     # At the motor the voltage shows the current, at the supply bus it does not.
     shown_by = {"V4", "V5", "V8"} if actuator.esc_side == "motor" else {"V5", "V8"}
     if not shown_by & provenance.keys():
         missing.append("V4, V5 or V8" if actuator.esc_side == "motor" else "V5 or V8")
-    if "V6" in provenance and "V5" not in provenance and actuator.esc_side == "bus":
-        return Reason("bus_power", record=to_record("motor quantities"))
+    if at_bus := _at_bus(actuator, provenance):
+        return at_bus
     # In the order of what binds: what is not measured, then how long, then how it moved.
     if missing:
         return Reason("not_measured", quantities=", ".join(missing), record=TO_BE_JUDGED)

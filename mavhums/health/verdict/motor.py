@@ -13,7 +13,7 @@ from datetime import datetime
 from functools import partial
 from math import ceil, exp
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -24,13 +24,11 @@ from mavhums.health.decision.conditions import since
 from mavhums.health.decision.evidence import Departure, with_departures
 from mavhums.health.decision.limits import MOST_CONFIDENCE
 from mavhums.health.decision.thresholds import MOST_BANK_DEG, MOST_FLIGHT_TAIL, NORMAL_S, USEFUL_RISE
-from mavhums.health.motor.heating import HEATING
 from mavhums.health.motor.monitor import TRIM, TRIM_YAW, MotorFindings, ThrustLoss, condition_of
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import (
     BETWEEN_FLIGHTS,
     BOUND_SHARE,
-    HEATING_SCATTER,
     LEAST_TRIM_CHANGE,
     MOST_EXCLUDED,
     TRIM_SCATTER_PER_MOTOR,
@@ -193,31 +191,6 @@ def _origin(findings: MotorFindings, motor: int) -> dict[str, str]:
     return {"V1": f"output {rotors.servos[motor - 1]}, by the log's parameters{assumed}"}
 
 
-class _Grows(NamedTuple):
-    """An indicator that a fault makes grow: its scatter between flights, and the words."""
-
-    scatter: float
-    what: str
-    others: str
-    cause: str
-
-
-_GROWING: Final = {
-    UNBALANCE: _Grows(
-        UNBALANCE_SCATTER,
-        "its rotor shakes the aircraft",
-        "the other rotors",
-        "its propeller or its bearing",
-    ),
-    HEATING: _Grows(
-        HEATING_SCATTER,
-        "relative to the others, its ESC warms",
-        "the others",
-        "blocked cooling, a dragging bearing or a worn contact",
-    ),
-}
-
-
 def compare_motors(
     verdicts: Sequence[Verdict],
     baselines: Callable[[Verdict], Mapping[str, Baseline]],
@@ -252,31 +225,32 @@ def compare_motors(
             one, yaw = trims[most], _beside(compared[most], known[most], TRIM_YAW, float(BETWEEN_FLIGHTS[2]))
             if one.difference >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(one.freedom, tail):
                 compared[most] = judged(compared[most], _of_trim(one, yaw, tail))
-        for fault, grows in _GROWING.items():
-            growths = {
-                k: found
-                for k in places
-                if (found := _beside(compared[k], known[k], fault, grows.scatter, relative=True))
-            }
-            for k, growth in growths.items():
-                others = [other.times for place, other in growths.items() if place != k]
-                # What shakes the sensor more than before, whichever rotor turns, is none of the rotors.
-                usual = max(float(np.median(others)), 1.0) if others else 1.0
-                more, error = growth.times / usual - 1.0, growth.error / growth.baseline.mean
-                if more >= USEFUL_RISE and more > error * t_quantile(growth.freedom, tail):
-                    compared[k] = judged(compared[k], _of_growth(fault, growth, usual))
+        growths = {k: found for k in places if (found := _shaken(compared[k], known[k]))}
+        for k, growth in growths.items():
+            others = [other.times for place, other in growths.items() if place != k]
+            # What shakes the sensor more than before, whichever rotor turns, is none of the rotors.
+            usual = max(float(np.median(others)), 1.0) if others else 1.0
+            more, error = growth.times / usual - 1.0, growth.error / growth.baseline.mean
+            if more >= USEFUL_RISE and more > error * t_quantile(growth.freedom, tail):
+                compared[k] = judged(compared[k], _of_unbalance(growth, usual))
     return compared
 
 
 def _beside(
-    verdict: Verdict, baselines: Mapping[str, Baseline], fault: str, scatter: float, *, relative: bool = False
+    verdict: Verdict, baselines: Mapping[str, Baseline], fault: str, scatter: float
 ) -> ComparedIndicator | None:
     """Return a motor's indicator beside that of earlier flights; others have this scatter between flights."""
     shown = next((one for one in verdict.indicators if one.fault == fault), None)
     known = baselines.get(fault)
-    if shown is None or known is None or (relative and known.mean <= 0.0):
+    return ComparedIndicator.of(shown, known.pooled(scatter)) if shown and known else None
+
+
+def _shaken(verdict: Verdict, baselines: Mapping[str, Baseline]) -> ComparedIndicator | None:
+    """Return the unbalance of a motor's rotor beside earlier flights; its scatter grows with it."""
+    known = baselines.get(UNBALANCE)
+    if known is None or known.mean <= 0.0:
         return None
-    return ComparedIndicator.of(shown, known.pooled(scatter * known.mean if relative else scatter))
+    return _beside(verdict, baselines, UNBALANCE, UNBALANCE_SCATTER * known.mean)
 
 
 def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None, tail: float) -> Departure:
@@ -290,15 +264,14 @@ def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None, tail: float)
     return Departure("thrust", "degraded", one.difference, LEAST_TRIM_CHANGE, rule, MOST_CONFIDENCE)
 
 
-def _of_growth(fault: str, one: ComparedIndicator, usual: float) -> Departure:
-    grows, mean = _GROWING[fault], one.baseline.mean
-    beside = f", {grows.others} {usual:.1f} times" if usual >= 1.05 else ""
+def _of_unbalance(one: ComparedIndicator, usual: float) -> Departure:
+    beside = f", the other rotors {usual:.1f} times" if usual >= 1.05 else ""
     rule = (
-        f"degraded: {grows.what} {one.times:.1f} times as much as in "
-        f"{one.baseline.flights} earlier flights{beside}: {grows.cause}"
+        f"degraded: its rotor shakes the aircraft {one.times:.1f} times as much as in "
+        f"{one.baseline.flights} earlier flights{beside}: its propeller or its bearing"
     )
-    limit = float(f"{mean * (1.0 + USEFUL_RISE) * usual:.4g}")
-    return Departure(fault, "degraded", one.indicator.value.estimate, limit, rule, MOST_CONFIDENCE)
+    limit = float(f"{one.baseline.mean * (1.0 + USEFUL_RISE) * usual:.4g}")
+    return Departure(UNBALANCE, "degraded", one.indicator.value.estimate, limit, rule, MOST_CONFIDENCE)
 
 
 def _judged(verdict: Verdict, found: Departure, start_utc: datetime, end_s: float) -> Verdict:

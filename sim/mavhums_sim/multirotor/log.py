@@ -15,7 +15,7 @@ from mavhums_sim.closed_loop.tables import Table, boot_ms, boot_us, text_rows, w
 from mavhums_sim.dataflash import gps, records, write_records
 from mavhums_sim.link import EPOCH_US, Link
 from mavhums_sim.multirotor.flight import LOGGED_HZ, Flown
-from mavhums_sim.multirotor.vibration import Thermometer, bursts, esc_records, raw_records, rotor_rpm
+from mavhums_sim.multirotor.vibration import bursts, esc_records, raw_records, rotor_rpm
 
 Array = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def sampled(rng: np.random.Generator, flown: Flown, rate_hz: float) -> tuple[Arr
     return times, np.floor(times * LOGGED_HZ).astype(np.int64)
 
 
-def report(flown: Flown, rates: Rates, seed: int, warmth: Thermometer | None = None) -> list[Table]:
+def report(flown: Flown, rates: Rates, seed: int) -> list[Table]:
     """Return the messages of a flight; the flight begins after 12 s on the ground."""
     rng = np.random.default_rng([seed, 6])
     frame, motors = flown.craft.frame, flown.craft.gains.size
@@ -113,7 +113,7 @@ def report(flown: Flown, rates: Rates, seed: int, warmth: Thermometer | None = N
     moved |= {f"{axis}acc": whole(whole_log.force[rows, k] * _SCALE_MG) for k, axis in enumerate("xyz")}
     tables.append(Table("RAW_IMU", time_s, {"time_usec": boot_us(time_s), **moved}))
     if rates.esc:
-        tables.extend(_speeds(flown, rates.esc, seed, warmth))
+        tables.extend(_speeds(flown, rates.esc, seed))
     time_s, rows = sampled(rng, whole_log, rates.position)
     height, speed = whole_log.position[rows, 2], whole_log.velocity[rows]
     where = {
@@ -129,7 +129,7 @@ def report(flown: Flown, rates: Rates, seed: int, warmth: Thermometer | None = N
     return [*tables, Table("GLOBAL_POSITION_INT", time_s, where)]
 
 
-def _speeds(flown: Flown, rate_hz: float, seed: int, warmth: Thermometer | None) -> list[Table]:
+def _speeds(flown: Flown, rate_hz: float, seed: int) -> list[Table]:
     """Return what the ESCs report: a speed by the root of the thrust, less where not the propeller fails."""
     rng = np.random.default_rng([seed, 9])
     rpm = rotor_rpm(flown)
@@ -137,12 +137,10 @@ def _speeds(flown: Flown, rate_hz: float, seed: int, warmth: Thermometer | None)
     speeds = rpm[rows] * (1.0 + rng.normal(0.0, 0.01, rpm[rows].shape))
     tables = []
     for first in range(0, speeds.shape[1], 4):
-        rpm, voltage, degrees = np.zeros((3, len(rows), 4))
+        rpm, voltage = np.zeros((2, len(rows), 4))
         part = speeds[:, first : first + 4]
         rpm[:, : part.shape[1]], voltage[:, : part.shape[1]] = part, 1480.0
-        if warmth:
-            degrees[:, : part.shape[1]] = warmth(time_s)[:, first : first + 4]
-        columns = {"rpm": whole(rpm), "voltage": whole(voltage), "temperature": whole(degrees, 0, 255)}
+        columns = {"rpm": whole(rpm), "voltage": whole(voltage)}
         tables.append(Table(f"ESC_TELEMETRY_{first + 1}_TO_{first + 4}", time_s + _STANDS_S, columns))
     return tables
 
@@ -152,19 +150,15 @@ def write_tlog(
     path: Path,
     rates: Rates | None = None,
     seed: int = 0,
-    *,
-    warmth: Thermometer | None = None,
 ) -> None:
     """Write a flight's ``.tlog`` atomically; the flight begins after 12 s on the ground.
-
-    ``warmth`` is as in :func:`mavhums_sim.multirotor.heating.temperatures`.
 
     Raises
     ------
     OSError
         If the file cannot be written; the previous file at ``path`` is then unchanged.
     """
-    data = encode(report(flown, rates or Rates(), seed, warmth), seed, Link())
+    data = encode(report(flown, rates or Rates(), seed), seed, Link())
     with written_whole(path) as temporary:
         temporary.write_bytes(data)
 
@@ -176,13 +170,12 @@ def write_dataflash(
     seed: int = 0,
     *,
     unbalance_um: Array | None = None,
-    warmth: Thermometer | None = None,
     day: float = 0.0,
 ) -> None:
     """Write a flight's ``.BIN`` atomically; the flight begins after 12 s on the ground.
 
-    ``unbalance_um`` is that of each rotor (:mod:`~mavhums_sim.multirotor.vibration`), ``warmth`` what
-    :func:`~mavhums_sim.multirotor.heating.temperatures` returns, ``day`` the day after 2026-01-01.
+    ``unbalance_um`` is that of each rotor (:mod:`~mavhums_sim.multirotor.vibration`), ``day`` the day after
+    2026-01-01.
 
     Raises
     ------
@@ -203,7 +196,7 @@ def write_dataflash(
     unbalance = np.zeros(flown.craft.gains.size) if unbalance_um is None else unbalance_um
     fast = bursts(flown, unbalance, rates.bursts, seed) if rates.bursts else []
     fast += [raw_records(flown, unbalance, rates.raw, seed)] if rates.raw else []
-    fast += esc_records(flown, rates.esc, seed, warmth) if rates.esc else []
+    fast += esc_records(flown, rates.esc, seed) if rates.esc else []
     for kind in fast:
         for field in {"TimeUS", "SampleUS"} & {*(kind.rows.dtype.names or ())}:
             kind.rows[field] += np.uint64(round(_STANDS_S * 1e6))

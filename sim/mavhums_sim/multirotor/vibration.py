@@ -6,7 +6,6 @@ add a broad noise. All of it is computed at the sensor's own times, from phases 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -16,8 +15,6 @@ from mavhums_sim.dataflash import Kind, records
 from mavhums_sim.multirotor.flight import LOGGED_HZ, Flown
 
 Array = NDArray[np.float64]
-Thermometer = Callable[[Array], Array]
-"""Returns what ESCs report of their temperature at some times, s: whole °C, shape (n, motors)."""
 FULL_RPM: Final = 9000.0
 _BLADES_UM: Final = 2.0  # vertical motion at twice the speed
 _NOISE: Final = 1.0  # m/s², white, of each axis
@@ -85,14 +82,13 @@ def raw_records(flown: Flown, unbalance_um: Array, rate_hz: float, seed: int) ->
     return kind
 
 
-def esc_records(flown: Flown, rate_hz: float, seed: int, warmth: Thermometer | None = None) -> list[Kind]:
-    """Return what each ESC reports: speed, to the time between two commutations, and temperature (ESC)."""
+def esc_records(flown: Flown, rate_hz: float, seed: int) -> list[Kind]:
+    """Return what each ESC reports: speed, to the time between two commutations (ESC)."""
     rng = np.random.default_rng([seed, 14])
     rpm = rotor_rpm(flown)
     kinds = []
     for k in range(rpm.shape[1]):
         time_s = np.arange(rng.uniform(0, 1 / rate_hz), flown.time_s[-1], 1 / rate_hz)
         speed = np.interp(time_s, flown.time_s, rpm[:, k]) * (1 + rng.normal(0.0, 0.002, time_s.size))
-        degrees = 0.0 if warmth is None else warmth(time_s)[:, k]
-        kinds.append(records("ESC", time_s, Instance=k, RPM=speed, Volt=14.8, Curr=5.0, Temp=degrees))
+        kinds.append(records("ESC", time_s, Instance=k, RPM=speed, Volt=14.8, Curr=5.0, Temp=0.0))
     return kinds

@@ -30,9 +30,8 @@ RISEN = Comparison("changed", VALUE, 20, 10, USUAL, RISE, 0.123456)
 
 def record(name: str, *loads: float) -> OwnRecord:
     """Return what a flight of strokes leaves, or one of the current that shows nothing."""
-    groups = tuple((1.0, 0.3, load) for load in loads)
-    if name == CURRENT.name:
-        groups = ((1.0, *packed(np.zeros((len(KEPT), len(KEPT))))),)
+    still = ((1.0, *packed(np.zeros((len(KEPT), len(KEPT))))),)
+    groups = still if name == CURRENT.name else tuple((1.0, 0.3, load) for load in loads)
     return OwnRecord(equation=name, setup="by its angle", rate_hz=25.0, duration_s=60.5, groups=groups)
 
 
