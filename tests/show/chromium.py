@@ -6,10 +6,9 @@ import base64
 import fcntl
 import json
 import os
+import shutil
 import subprocess
 import tempfile
-from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 _FLAGS = (
@@ -63,20 +62,13 @@ class Chromium:
 
     def _attach(self) -> None:
         targets = self.call("Target.getTargets")["targetInfos"]
-        page = next(target for target in targets if target["type"] == "page")
-        self._session = self.call("Target.attachToTarget", targetId=page["targetId"], flatten=True)[
-            "sessionId"
-        ]
+        page = next(target["targetId"] for target in targets if target["type"] == "page")
+        self._session = self.call("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         self.call("Emulation.setEmulatedMedia", features=dark)
         self.call("Runtime.enable")
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._end()
 
     def _end(self) -> None:
@@ -117,8 +109,5 @@ class Chromium:
 
 def find() -> str | None:
     """Return the browser's program, if there is one."""
-    folders = [Path(folder) for folder in os.environ.get("PATH", "").split(os.pathsep)]
-    programs = (
-        folder / name for folder in folders for name in ("chromium", "chromium-browser", "google-chrome")
-    )
-    return next((str(program) for program in programs if program.is_file()), None)
+    names = ("chromium", "chromium-browser", "google-chrome")
+    return next(filter(None, map(shutil.which, names)), None)

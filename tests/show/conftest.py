@@ -90,16 +90,16 @@ class Flight:
         for second in range(self.duration):
             for actuator in NAMES:
                 yield self.samples(actuator, second, second + 1)
-                if second + 1 >= 10:
-                    window = self.window(actuator, second + 1)
-                    yield window
-                    before, held[actuator] = held[actuator], window.condition
-                    if before != window.condition:
-                        since = window.start_s if before == "undecided" else window.end_s - 2.0
-                        rule = f"the friction interval is {window.condition} in 3 windows running"
-                        yield ConditionChanged(
-                            1, actuator, window.end_s, since, before, window.condition, rule
-                        )
+                if second + 1 < 10:
+                    continue
+                window = self.window(actuator, second + 1)
+                yield window
+                before, after = held[actuator], window.condition
+                held[actuator] = after
+                if before != after:
+                    since = window.start_s if before == "undecided" else window.end_s - 2.0
+                    rule = f"the friction interval is {after} in 3 windows running"
+                    yield ConditionChanged(1, actuator, window.end_s, since, before, after, rule)
 
 
 def condition(friction: Interval) -> Condition:
@@ -112,9 +112,8 @@ def new_verdict(
     actuator: str, state: Condition, estimate: float = 0.2, since: float | None = 0.0, /, **changes: object
 ) -> Verdict:
     """Return a verdict; other fields than these are set by ``changes``."""
-    sources = {
-        key: f"DEBUG_FLOAT_ARRAY[EMA,{NAMES.index(actuator) + 1}].data[{i}]" for i, key in enumerate(KEYS)
-    }
+    array = f"DEBUG_FLOAT_ARRAY[EMA,{NAMES.index(actuator) + 1}]"
+    sources = {key: f"{array}.data[{i}]" for i, key in enumerate(KEYS)}
     known: dict[str, Any] = {"vehicle": 1, "actuator": actuator, "condition": state, "worst": state}
     known |= {"tier": "instrumented", "provenance": sources}
     if state == "undecided":
@@ -157,13 +156,9 @@ def new_verdict(
 
 def new_assessment(*verdicts: Verdict, losses: Losses | None = None, **changes: object) -> Assessment:
     log = LogSummary(
-        path="flights/2025-06-01.tlog",
-        sha256="0" * 64,
-        start_utc="2025-06-01T10:00:00Z",
-        duration_s=100.0,
-        vehicles=(1,),
-        losses=losses or Losses(),
-    )
+        path="flights/2025-06-01.tlog", sha256="0" * 64, start_utc="2025-06-01T10:00:00Z",
+        duration_s=100.0, vehicles=(1,), losses=losses or Losses(),
+    )  # fmt: skip
     model = ModelSummary(name="paper-ema", hash="abc")
     whole = Assessment(log=log, airframe="paper", model=model, verdicts=verdicts)
     return whole.model_copy(update=changes)

@@ -67,9 +67,7 @@ def test_the_demanded_and_the_flown_angle_are_drawn(recorded: tuple[Path, Any]) 
     assert static(recorded[0], "/vehicle_1/roll/roll_angle")["SeriesLines:names"] == ["demanded", "flown"]
     assert np.diff(times).max() == pytest.approx(0.25, abs=1e-6)
     assert angles.shape[1] == 2
-    flown = angles[np.isfinite(angles[:, 1]), 1]
-    assert flown.size
-    assert np.abs(flown).max() < 1e-3, "level, as the log says"
+    assert np.nanmax(np.abs(angles[:, 1])) < 1e-3, "level, as the log says"
 
 
 def test_surfaces_without_telemetry_have_the_colour_of_their_axis(recorded: tuple[Path, Any]) -> None:
@@ -88,9 +86,7 @@ def test_the_viewer_lists_what_matters_first_and_nothing_that_nothing_reports_on
     ranked = [verdict.actuator for verdict in recorded[1].ranked() if verdict.condition != "unmonitored"]
     assert ranked[0] == "roll"
     assert lanes == [f"/condition/{rank}_{name}_control" for rank, name in enumerate(ranked, 1)]
-    assert "/vehicle_1/left_aileron" in entities(recorded[0]), (
-        "the viewer shows escaped names with backslashes"
-    )
+    assert "/vehicle_1/left_aileron" in entities(recorded[0])  # escaped names show with backslashes
     drawn, own = (rows(recorded[0], path, "StateChange:state") for path in (lanes[0], "/vehicle_1/roll"))
     assert (drawn[0].tolist(), drawn[1]) == (own[0].tolist(), own[1])
 
@@ -106,11 +102,7 @@ def test_the_lane_turns_when_the_verdict_says(recorded: tuple[Path, Any]) -> Non
 def test_where_nothing_is_wrong_what_was_judged_has_the_first_lane(tmp_path: Path) -> None:
     analyse(Path(__file__).parents[1] / "data" / "healthy.tlog", recording=tmp_path / "flight.rrd")
     lanes = [path for path in entities(tmp_path / "flight.rrd") if path.startswith("/condition/")]
-    assert sorted(lanes) == [
-        "/condition/1_roll_control",
-        "/condition/2_pitch_control",
-        "/condition/3_yaw_control",
-    ]
+    assert sorted(lanes) == [f"/condition/{lane}_control" for lane in ("1_roll", "2_pitch", "3_yaw")]
 
 
 def test_names_that_differ_in_signs_alone_have_lanes_of_their_own() -> None:

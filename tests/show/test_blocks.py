@@ -17,18 +17,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.show import html as html_report
 from mavhums.show import markdown_report, terminal
 from mavhums.show.answer import blocks
-from mavhums.show.blocks import (
-    Anchor,
-    Block,
-    Cell,
-    Facts,
-    Finding,
-    Headline,
-    Listing,
-    Mark,
-    Note,
-    TableBlock,
-)
+from mavhums.show.blocks import Anchor, Block, Cell, Facts, Finding, Headline, Listing, Mark, Note, TableBlock
 from mavhums.show.evidence import EvidenceCollector
 
 FLIGHTS = Path(__file__).parents[1] / "data"
@@ -89,15 +78,10 @@ def test_every_renderer_draws_all_that_the_blocks_say(shown: list[Block], render
 
 def test_no_renderer_holds_a_sentence() -> None:
     for module in (terminal, markdown_report, html_report):
-        tree = ast.parse(inspect.getsource(module))
-        comments = {
-            node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)
-        }  # docstrings, and those below a constant
-        words = [
-            node.value
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in comments
-        ]
+        nodes = [*ast.walk(ast.parse(inspect.getsource(module)))]
+        comments = {node.value for node in nodes if isinstance(node, ast.Expr)}  # docstrings, too
+        texts = [node for node in nodes if isinstance(node, ast.Constant) and node not in comments]
+        words = [node.value for node in texts if isinstance(node.value, str)]
         assert not [text for text in words if SENTENCE.search(text)]
     for template in (Path(terminal.__file__).parent / "templates").glob("*.html"):
         markup = template.read_text(encoding="utf-8")

@@ -24,20 +24,10 @@ pytest.importorskip("rerun", reason="the viewer needs the extra 'viewer'")
 from tests.show.test_recording import entities, rows, scalars, static, write
 
 
-def program() -> Path:
-    import rerun_cli
-
-    return Path(rerun_cli.__file__).with_name("rerun")
-
-
 def follow(url: str, path: Path) -> subprocess.Popen[bytes]:
     """Write what a viewer that connects to ``url`` would be sent."""
-    command = [str(program()), url, "--port", "auto", "--bind", "127.0.0.1", "--save", str(path)]
-    return subprocess.Popen(
-        command,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+    command = viewer_call(url, "--port", "auto", "--save", str(path))
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def finished(process: subprocess.Popen[bytes], path: Path) -> None:
@@ -50,7 +40,8 @@ def finished(process: subprocess.Popen[bytes], path: Path) -> None:
     process.send_signal(signal.SIGINT)
     process.wait(60)
     whole = path.with_suffix(".whole")
-    subprocess.run([program(), "rrd", "optimize", path, "-o", whole], check=True, capture_output=True)
+    program, *_ = viewer_call()
+    subprocess.run([program, "rrd", "optimize", path, "-o", whole], check=True, capture_output=True)
     whole.replace(path)
 
 
@@ -85,9 +76,8 @@ def test_the_report_is_kept_up_to_date(
     with LiveViewer("serve", recording_id="flight") as viewer:
         follower = follow(viewer.url, seen)
         events = list(flight.events())
-        half = len(events) // 2
-        for part in (events[:half], events[half:]):
-            viewer.consume(part)
+        viewer.consume(events[: len(events) // 2])
+        viewer.consume(events[len(events) // 2 :])
         viewer.close(assessment)
         finished(follower, seen)
     _, texts = rows(seen, "/report", "TextDocument:text")
@@ -125,10 +115,7 @@ def test_drawing_waits_for_a_viewer_that_hangs(flight: Flight, monkeypatch: pyte
 
 
 def test_two_links_have_ports_of_their_own(tmp_path: Path) -> None:
-    with (
-        LiveViewer("serve", recording_id="one") as one,
-        LiveViewer("serve", recording_id="two") as two,
-    ):
+    with LiveViewer("serve", recording_id="1") as one, LiveViewer("serve", recording_id="2") as two:
         assert one.url != two.url
 
 
@@ -136,10 +123,8 @@ def test_two_links_have_ports_of_their_own(tmp_path: Path) -> None:
 def test_only_this_machine_can_look(tmp_path: Path) -> None:
     with LiveViewer("serve", recording_id="flight") as viewer:
         port = int(viewer.url.split(":")[2].split("/")[0])
-        lines = [
-            line for name in ("tcp", "tcp6") for line in Path(f"/proc/net/{name}").read_text().splitlines()
-        ]
-        local = {line.split()[1] for line in lines}
+        tables = Path("/proc/net/tcp").read_text() + Path("/proc/net/tcp6").read_text()
+        local = {line.split()[1] for line in tables.splitlines()}
         assert {place for place in local if place.endswith(f":{port:04X}")} == {f"0100007F:{port:04X}"}
 
 
@@ -163,9 +148,14 @@ def test_the_web_viewer_is_served_and_stopped() -> None:
         probe.connect((host, int(port)))
 
 
-def test_a_viewer_that_opens_a_file_listens_on_the_loopback_address(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.usefixtures("no_screen")
+def test_a_viewer_that_opens_a_file_listens_on_the_loopback_address() -> None:
     call = viewer_call("--port", "auto", "nonesuch.rrd")
     for _ in range(10):  # without a screen it may end before it says where it listens
         done = subprocess.run(call, capture_output=True, text=True, check=False, timeout=120)
@@ -174,9 +164,8 @@ def test_a_viewer_that_opens_a_file_listens_on_the_loopback_address(monkeypatch:
     assert "connections on 127.0.0.1:" in done.stdout + done.stderr
 
 
-def test_a_viewer_that_cannot_run_is_told(monkeypatch: pytest.MonkeyPatch, flight: Flight) -> None:
-    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
-        monkeypatch.delenv(name, raising=False)
+@pytest.mark.usefixtures("no_screen")
+def test_a_viewer_that_cannot_run_is_told(flight: Flight) -> None:
     with LiveViewer("window", recording_id="flight") as viewer:
         end = time.monotonic() + 60
         while viewer.trouble is None and time.monotonic() < end:

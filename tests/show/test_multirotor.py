@@ -40,9 +40,8 @@ def assessment() -> Assessment:
         coverage=Coverage(moving_fraction=0.8, windows=60, decidable=50),
     )  # fmt: skip
     outputs = tuple(output(servo, *place) for servo, place in enumerate(PLACES.items(), 1))
-    used = VehicleUsage(
-        vehicle=1, kind="quadrotor", firmware="ArduPilot", armed_s=60.0, forward_s=0.0, outputs=outputs
-    )
+    flown = {"kind": "quadrotor", "firmware": "ArduPilot", "armed_s": 60.0, "forward_s": 0.0}
+    used = VehicleUsage.model_validate({"vehicle": 1, "outputs": outputs} | flown)
     return new_assessment(lost, usage=(used,))
 
 
@@ -79,16 +78,14 @@ def test_an_octas_places_are_told_apart() -> None:
 
 def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment, tmp_path: Path) -> None:
     chunk = pytest.importorskip("rerun.chunk")
-    from mavhums.show.viewer import Recorder
+    from tests.show.test_recording import write
 
     why = "emergency: motor 3 of quad X lost 90 % of its thrust"
     alarm = ConditionChanged(1, "motor 3", 20.0, 19.5, "undecided", "emergency", why)
-    with Recorder(tmp_path / "c.rrd", recording_id="c") as recorder:
-        recorder.consume([alarm])
-        recorder.close(assessment)
+    path = write(tmp_path / "c.rrd", [alarm], assessment)
     coloured: dict[str, list[bool]] = {}
     changes = 0
-    for part in chunk.RrdReader(tmp_path / "c.rrd").stream():
+    for part in chunk.RrdReader(path).stream():
         columns = part.to_record_batch().schema.names
         if part.entity_path.endswith("/disc") and any("colors" in column for column in columns):
             name = part.entity_path.split("/")[-2].replace("\\", "")
@@ -103,12 +100,10 @@ def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment,
 def test_a_motor_that_never_changes_has_the_condition_of_its_verdict(
     condition: Condition, assessment: Assessment, tmp_path: Path
 ) -> None:
-    from mavhums.show.viewer import Recorder
-    from tests.show.test_recording import rows
-
     pytest.importorskip("rerun.chunk")
+    from tests.show.test_recording import rows, write
+
     [lost] = assessment.verdicts
     verdict = lost.model_copy(update={"condition": condition, "worst": condition, "effectiveness": None})
-    with Recorder(tmp_path / "c.rrd", recording_id="c") as recorder:
-        recorder.close(new_assessment(verdict))
-    assert rows(tmp_path / "c.rrd", "/vehicle_1/motor_3", "StateChange:state")[1] == [[condition]]
+    path = write(tmp_path / "c.rrd", [], new_assessment(verdict))
+    assert rows(path, "/vehicle_1/motor_3", "StateChange:state")[1] == [[condition]]

@@ -21,27 +21,18 @@ from tests.show.conftest import Flight
 
 pytest.importorskip("rerun", reason="pictures need the extra 'viewer'")
 
-DRIVERS = [
-    file
-    for folder in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
-    for file in Path(folder).glob("*.json")
-]
+FOLDERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
+DRIVERS = [file for folder in FOLDERS for file in Path(folder).glob("*.json")]
 BROWSER = find()
-needs_vulkan = pytest.mark.skipif(
-    not DRIVERS, reason="no Vulkan driver; Debian has one in mesa-vulkan-drivers"
-)
+needs_vulkan = pytest.mark.skipif(not DRIVERS, reason="no Vulkan driver; see mesa-vulkan-drivers")
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="viewers draw without a screen on Linux")
 
 Pixels = NDArray[np.int16]
 
 # The viewer dims the colours of states in the dark theme.
-LANES = {
-    "normal": (0, 126, 92),
-    "degraded": (184, 127, 0),
-    "emergency": (170, 75, 0),
-    "undecided": (122, 122, 122),
-}
+LANES = {"normal": (0, 126, 92), "degraded": (184, 127, 0)}
+LANES |= {"emergency": (170, 75, 0), "undecided": (122, 122, 122)}
 BLUE, YELLOW, AMBER, VERMILION = (86, 180, 233), (240, 228, 66), (230, 159, 0), (213, 94, 0)
 GREEN = (0, 158, 115)
 
@@ -79,8 +70,7 @@ def surroundings() -> list[Event]:
 def recording(tmp_path_factory: pytest.TempPathFactory, flight: Flight, assessment: Assessment) -> Path:
     path = tmp_path_factory.mktemp("picture") / "flight.rrd"
     with Recorder(path, recording_id="flight") as recorder:
-        recorder.consume(surroundings())
-        recorder.consume(flight.events())
+        recorder.consume([*surroundings(), *flight.events()])
         recorder.close(assessment)
     return path
 
@@ -92,12 +82,8 @@ def check(drawn: Pixels) -> None:
     for name, colour in LANES.items():
         assert count(lanes, colour) > 500, f"{name} is not on the timeline"
     plots = drawn[height // 3 :, : width * 15 // 32]
-    for name, colour in {
-        "friction and V1": BLUE,
-        "normal limit": AMBER,
-        "emergency limit": VERMILION,
-        "V3 and V9": YELLOW,
-    }.items():
+    curves = {"friction, V1": BLUE, "normal limit": AMBER, "emergency limit": VERMILION, "V3, V9": YELLOW}
+    for name, colour in curves.items():
         assert count(plots, colour) > 200, f"{name} is in the legend at most"
     middle = drawn[height // 3 :, width * 15 // 32 : width * 3 // 4]
     for name, colour in {"the healthy surfaces": GREEN, "the elevator": VERMILION}.items():

@@ -25,11 +25,8 @@ def rendered(
 ) -> str:
     file = io.StringIO()
     colours: Literal["auto", "truecolor"] = "truecolor" if terminal else "auto"
-    render(
-        assessment,
-        Console(file=file, width=width, force_terminal=terminal, color_system=colours),
-        verbose=verbose,
-    )
+    console = Console(file=file, width=width, force_terminal=terminal, color_system=colours)
+    render(assessment, console, verbose=verbose)
     return file.getvalue()
 
 
@@ -43,9 +40,7 @@ def test_the_answer_first_then_the_worst_actuator_first(assessment: Assessment) 
     rows = [line.split()[0] for line in lines if " of 91 s" in line]
     assert rows == ["elevator", "aileron_left", "aileron_right"]
     elevator = next(line for line in lines if "91 of 91 s" in line)
-    assert elevator.split() == [
-        *("elevator", "✖", "EMERGENCY", "1.003", "(0.973–1.033)", "emergency", "1m12s", "91", "of", "91", "s")
-    ]
+    assert " ".join(elevator.split()) == "elevator ✖ EMERGENCY 1.003 (0.973–1.033) emergency 1m12s 91 of 91 s"
 
 
 def test_colours_on_a_terminal_and_words_too(assessment: Assessment) -> None:
@@ -64,11 +59,8 @@ def test_a_long_list_of_findings_is_cut_and_says_so() -> None:
 
 
 def test_markup_and_control_codes_from_outside_are_inert() -> None:
-    named = {"actuator": "[red]x\x1b[2J\x07"}
-    verdict = new_verdict("elevator", "undecided", 0.0, None, **named)
-    text = rendered(new_assessment(verdict))
-    assert "\x1b" not in text
-    assert "\x07" not in text
+    text = rendered(new_assessment(new_verdict("elevator", "undecided", actuator="[red]x\x1b[2J\x07")))
+    assert not {"\x1b", "\x07"} & {*text}
     assert "[red]x�[2J� not judged" in text
 
 
@@ -88,17 +80,8 @@ def assessments() -> Iterator[Assessment]:
     states: tuple[Condition, ...] = ("normal", "undecided", "degraded", "emergency", "changed", "learning")
     for one, other in product(states, states):
         elevator = new_verdict("elevator", one, 0.9, 5.0)
-        axes = [
-            elevator.model_copy(
-                update={
-                    **new_verdict("rudder", other, 0.9, 5.0).model_dump(
-                        include={"condition", "worst", "reason"}
-                    ),
-                    **{"subject": "axis", "actuator": axis, "friction_nm": None, "evidence": ()},
-                }
-            )
-            for axis in ("roll", "pitch", "yaw")
-        ]
+        rudder = new_verdict("rudder", other, 0.9, 5.0, subject="axis", friction_nm=None, evidence=())
+        axes = [rudder.model_copy(update={"actuator": axis}) for axis in ("roll", "pitch", "yaw")]
         yield new_assessment(elevator, *axes, losses=Losses(bytes_skipped=9, damaged_regions=2))
 
 
@@ -125,14 +108,10 @@ def test_signs_tell_conditions_apart_where_an_encoding_has_few() -> None:
 
 
 def test_of_several_reasons_the_binding_one_is_shown() -> None:
-    several = {
-        "reason": "outputs at 2.9 Hz, 10 are needed; 26 s of flight",
-        "remedy": "record at 10 Hz; fly longer",
-    }
+    several = {"reason": "outputs at 2.9 Hz; 26 s of flight", "remedy": "record at 10 Hz; fly longer"}
     verdict = new_verdict("elevator", "undecided", 0.0, None, **several)
     brief, whole = rendered(new_assessment(verdict)), rendered(new_assessment(verdict), verbose=True)
-    assert "elevator: undecided: outputs at 2.9 Hz, 10 are needed (and 1 more: --verbose)" in flat(brief)
+    assert "elevator: undecided: outputs at 2.9 Hz (and 1 more: --verbose)" in flat(brief)
     assert "what to do: record at 10 Hz " in flat(brief) + " "
     assert "fly longer" not in brief
-    assert several["reason"] in flat(whole)
-    assert several["remedy"] in whole
+    assert all(text in flat(whole) for text in several.values())
