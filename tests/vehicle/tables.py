@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.log.base.decoder import Table
 
@@ -19,3 +20,9 @@ def table_of(name: str, fields: Any, *, frame: Any = None, time_us: Any = None, 
     }
     at = 1_000_000 * count if time_us is None else np.asarray(time_us, dtype=np.int64)
     return Table(name, frame, at, fields=fields, **columns)
+
+
+def version(number: int = 0, uid: int = 0, uid2: bytes = b"") -> Any:
+    """Return an AUTOPILOT_VERSION of a firmware and of either id of the board."""
+    custom, uid2 = [[0] * 8] * 3, uid2.ljust(18, b"\0")
+    return v2.MAVLink_autopilot_version_message(0, number, 0, 0, 0, *custom, 0, 0, uid, list(uid2))

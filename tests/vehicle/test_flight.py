@@ -26,14 +26,9 @@ AUTO, MANUAL, QHOVER, QACRO = 10.0, 0.0, 18.0, 23.0
 
 def seconds(count: int, first: int = 0, **changes: Any) -> Seconds:
     """Return seconds of a plane that flies north at 15 m/s, but for the changes."""
-    level: dict[str, Any] = {
-        "airspeed": 15.0,
-        "groundspeed": 15.0,
-        "velocity": [15.0, 0.0, 0.0],
-        "attitude": 0.0,
-        "rates": 0.0,
-    }
-    level |= {"state": [PLANE, ARDUPILOT, 1.0, AUTO], "force": 0.0, "demand": [0.1, 0.2]} | changes
+    level: dict[str, Any] = {"airspeed": 15.0, "groundspeed": 15.0, "velocity": [15.0, 0.0, 0.0]}
+    level |= {"attitude": 0.0, "rates": 0.0, "state": [PLANE, ARDUPILOT, 1.0, AUTO], "force": 0.0}
+    level |= {"demand": [0.1, 0.2]} | changes
     signals = {
         name: np.array(np.broadcast_to(level.get(name, np.nan), (count, RATE_HZ, width)), dtype=np.float64)
         for name, width in {**CONTINUOUS, **STEPPED}.items()
@@ -141,11 +136,7 @@ def test_breaks_spacings_and_what_was_heard() -> None:
 
 
 def test_each_column_of_a_row_is_its_own() -> None:
-    given: dict[str, Any] = {
-        "rates": [1.0, 2.0, 3.0],
-        "force": [4.0, 5.0, -9.80665],
-        "attitude": [6.0, 7.0, 8.0],
-    }
+    given = {"rates": [1.0, 2.0, 3.0], "force": [4.0, 5.0, -9.80665], "attitude": [6.0, 7.0, 8.0]}
     [rows] = Flight(None).feed(seconds(1, first=9, **given))
     names = ["roll_rate", "pitch_rate", "yaw_rate", "side_force", "load", "roll", "pitch"]
     names += ["roll_demand", "pitch_demand", "speed"]
@@ -159,23 +150,16 @@ def test_three_seconds_come_before_the_first_row_that_counts_and_after_each_brea
     """A break of one row in the fifth second, a gap of seconds, and a border of blocks."""
     part = seconds(14)
     part.signals["groundspeed"][4, 7] = 5.0
-    index = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 15, 16])
     flight = Flight(None)
     runs = [
-        *flight.feed(replace(part, index=index)),
+        *flight.feed(replace(part, index=np.r_[0:9, 12:17])),
         *flight.feed(seconds(4, first=17)),
         *flight.feed(seconds(4, first=22)),
     ]
-    assert [(run.second, run.fresh, run.seconds) for run in runs] == [
-        (0, True, 9),
-        (12, True, 5),
-        (17, False, 4),
-        (22, True, 4),
-    ]
+    assert [run.second for run in runs] == [0, 12, 17, 22]
+    assert [(run.fresh, run.seconds) for run in runs] == [(True, 9), (True, 5), (False, 4), (True, 4)]
     first = 3 * RATE_HZ - 1
-    expected = (
-        np.concatenate([np.arange(9 * RATE_HZ), np.arange(9 * RATE_HZ), np.arange(4 * RATE_HZ)]) >= first
-    )
+    expected = np.concatenate([np.arange(seconds * RATE_HZ) >= first for seconds in (9, 9, 4)])
     expected[4 * RATE_HZ + 7 : 4 * RATE_HZ + 7 + first + 1] = False
     assert np.concatenate([run.aloft for run in runs]).tolist() == expected.tolist()
     assert flight.lasted_s("slow") == 1 / RATE_HZ
@@ -191,9 +175,7 @@ def test_only_spacings_in_flight_count_and_the_middle_one_tells_the_rate() -> No
     [_, rows] = [*flight.feed(still), *flight.feed(moving)]
     assert flight.rate_hz("outputs") == pytest.approx(1 / 0.0405)
     assert flight.rate_hz("rates") == pytest.approx(1 / 0.0205)
-    assert np.unique(rows.spacing).tolist() == [0.04], (
-        "the longer one, and of one that is not known the other"
-    )
+    assert np.unique(rows.spacing).tolist() == [0.04], "the longer one; of one that is unknown the other"
 
 
 def test_the_receiver_moves_the_servos_until_an_output_has_a_pulse() -> None:
@@ -228,12 +210,8 @@ def test_channels_that_move_drive_the_servos_if_no_output_does(
 def test_who_only_steers_drives_even_where_the_kind_is_not_known() -> None:
     steering = Surfaces((SurfaceOutput(1, "steering", 1500, 400),), "parameters")
     course: dict[str, Any] = {"velocity": [1.0, 0.0, 0.0], "groundspeed": 1.0, "airspeed": np.nan}
-    for kind, surfaces, flown_s in (
-        (np.nan, steering, 7),
-        (np.nan, None, 0),
-        (ROVER, None, 7),
-        (PLANE, steering, 0),
-    ):
+    cases = (np.nan, steering, 7), (np.nan, None, 0), (ROVER, None, 7), (PLANE, steering, 0)
+    for kind, surfaces, flown_s in cases:
         flight = flown(seconds(10, state=[kind, ARDUPILOT, 1.0, AUTO], **course), surfaces=surfaces)
         assert flight.flown_s == flown_s
         assert flight.on_ground == (surfaces is steering or kind == ROVER)
@@ -246,7 +224,7 @@ def test_a_kind_that_comes_late_lets_its_own_seconds_count() -> None:
 
 
 def test_inferred_outputs_that_part_count_only_in_flight() -> None:
-    pair = (SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(2, "aileron", 1500, 400))
+    pair = SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(2, "aileron", 1500, 400)
     for armed, parted_s in ((1.0, 2.2), (0.0, 0.0)):
         part = seconds(8, state=[PLANE, ARDUPILOT, armed, AUTO])
         part.signals["outputs"][:, :, :2] = 1500.0
@@ -290,15 +268,15 @@ def test_a_demand_that_no_autopilot_controls_is_none() -> None:
 def test_lift_motors_end_forward_flight() -> None:
     lift = lift_of({"SERVO5_FUNCTION": 33.0, "Q_ENABLE": 1.0})
     surfaces = Surfaces((SurfaceOutput(1, "aileron", 1500, 400),), "parameters", lift)
-    for pulse, carried in ((1050.0, False), (1051.0, True)):  # 5 % of 1000 to 2000 µs
-        outputs = np.full(16, np.nan)
-        outputs[4] = pulse
+    for pulse, flown_s in ((1050.0, 7), (1051.0, 0)):  # 5 % of 1000 to 2000 µs
+        outputs = np.where(np.arange(16) == 4, pulse, np.nan)
         flight = flown(seconds(10, outputs=outputs), surfaces=surfaces)
-        assert flight.flown_s == (0 if carried else 7)
-        assert flight.lasted_s("lift") == (10.0 if carried else 0.0)
-        assert not flight.on_ground
-    other = of_parameters(Parameters(1, False, {"SERVO1_FUNCTION": 4.0}))
-    list(flight.learn(other))
+        assert (flight.flown_s, flight.lasted_s("lift"), flight.on_ground) == (
+            flown_s,
+            10.0 * (not flown_s),
+            False,
+        )
+    list(flight.learn(of_parameters(Parameters(1, False, {"SERVO1_FUNCTION": 4.0}))))
     assert flight.flown_s == 7, "without lift motors the same flight is forward flight"
     assert flight.lasted_s("lift") == 0.0
 
@@ -379,15 +357,10 @@ def test_the_first_velocity_is_shared_by_airspeed_and_wind_as_they_are_uncertain
     """A prior of 15 ± 50 m/s airspeed and of 0 ± 30 m/s wind, wider after a second; 1 m/s of the velocity."""
     grown = np.exp(1 / 60)
     for heading in (0.0, np.pi / 2):
-        along, across = (
-            np.array([np.cos(heading), np.sin(heading)]),
-            np.array([-np.sin(heading), np.cos(heading)]),
-        )
+        turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
         triangle = WindTriangle()
-        triangle.step(25.0 * along + 3.0 * across, heading)
-        expected = (
-            10.0 * 900 * grown / (3400 * grown + 1) * along + 3.0 * 900 * grown / (900 * grown + 1) * across
-        )
-        np.testing.assert_allclose(triangle.wind, expected, rtol=1e-9, atol=1e-9)
+        triangle.step(turn @ [25.0, 3.0], heading)
+        wind = turn @ [10.0 * 900 * grown / (3400 * grown + 1), 3.0 * 900 * grown / (900 * grown + 1)]
+        np.testing.assert_allclose(triangle.wind, wind, rtol=1e-9, atol=1e-9)
         airspeed = 15.0 + 10.0 * 2500 * grown / (3400 * grown + 1)
         assert triangle._fit.values[0] == pytest.approx(airspeed, rel=1e-9)

@@ -14,7 +14,7 @@ from mavhums.log import Decoder
 from mavhums.vehicle.identity import IDENTITY_MESSAGES, PERIPHERALS, Identities, _version, in_words
 from tests.log.ulog import writer
 from tests.logs import write_log
-from tests.vehicle.tables import table_of
+from tests.vehicle.tables import table_of, version
 
 
 def identities(path: Path) -> Identities:
@@ -28,21 +28,9 @@ def beat(kind: int, autopilot: int) -> Any:
     return v2.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 4, 3)
 
 
-def version(number: int, uid: int = 0, uid2: bytes = b"") -> Any:
-    return v2.MAVLink_autopilot_version_message(
-        0, number, 0, 0, 0, *([[0] * 8] * 3), 0, 0, uid, list(uid2.ljust(18, b"\0"))
-    )
-
-
 UNNAMED = {"GENERIC", "SPACECRAFT_ORBITER", "GROUND_QUADRUPED", "ENUM_END"}
-SYNONYMS = {
-    "GCS": "station",
-    "ONBOARD_CONTROLLER": "companion",
-    "ADSB": "ADS-B",
-    "ODID": "ID",
-    "LOG": "logger",
-}
-SYNONYMS["OSD"] = "on-screen"
+SYNONYMS = {"GCS": "station", "ONBOARD_CONTROLLER": "companion", "ADSB": "ADS-B", "ODID": "ID"}
+SYNONYMS |= {"LOG": "logger", "OSD": "on-screen"}
 BEAT = np.dtype([(name, "u4") for name in ("type", "autopilot", "base_mode", "custom_mode")])
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mavhums.log import Table
-from mavhums.log.base.decoder import Table as Rows
 from mavhums.vehicle.formats.px4_buses import PX4Buses
+from tests.vehicle.tables import table_of
 
 SURFACES = {"PWM_AUX_FUNC1": 201.0, "PWM_AUX_FUNC3": 202.0}
 MOTORS = {f"PWM_MAIN_FUNC{n}": 100.0 + n for n in range(1, 5)}
@@ -24,15 +24,9 @@ SENT = {  # the outputs of each driver before and after arming, and what pulses 
 }
 
 
-def table(name: str, fields: np.ndarray, frames: np.ndarray, component: np.ndarray) -> Table:
-    count = len(fields)
-    one, zero = np.ones(count, dtype=np.uint8), np.zeros(count, dtype=np.uint8)
-    return Rows(name, frames, frames * 1000, one, component.astype(np.uint8), zero, zero, fields)
-
-
 def parameters(values: dict[str, float]) -> Table:
     rows = np.array([(k.encode(), v) for k, v in values.items()], dtype=[("name", "S20"), ("value", "<f8")])
-    return table("parameter", rows, np.arange(-len(rows), 0), np.zeros(len(rows)))
+    return table_of("parameter", rows, frame=np.arange(-len(rows), 0))
 
 
 def outputs(instances: dict[int, str], rows: int = 20) -> Table:
@@ -42,7 +36,7 @@ def outputs(instances: dict[int, str], rows: int = 20) -> Table:
     for k, one in enumerate(component.tolist()):
         values = SENT[instances[one]][int(k // len(instances) >= rows // 2)]
         sent["output"][k, : len(values)] = values
-    return table("actuator_outputs", sent, np.arange(len(sent)), component)
+    return table_of("actuator_outputs", sent, component=component)
 
 
 @pytest.mark.parametrize(
@@ -68,14 +62,12 @@ def test_any_order_of_the_instances_gives_the_same_outputs(
                 buses.feed({"actuator_outputs": whole.select(np.arange(k, min(k + size, len(whole))))})
                 for k in range(0, len(whole), size)
             ]
-            found = Rows.concatenate([part["actuator_outputs"] for part in parts])
+            found = Table.concatenate([part["actuator_outputs"] for part in parts])
             armed = found.frame >= len(whole) // 2
             for driver, place in zip(drivers, places, strict=False):
                 expected = SENT[driver][2]
                 mine = found["output"][armed & (found.component == place)][:, : len(expected)]
-                mine = mine[
-                    mine.any(axis=1)
-                ]  # an instance that is silent keeps its place until another has it
+                mine = mine[mine.any(axis=1)]  # one that is silent keeps its place until another has it
                 assert len(mine) == 10, (order, driver)
                 assert mine == pytest.approx(np.tile(expected, (10, 1)), abs=0.1)
             empty = whole.component == order[drivers.index("none")]
@@ -86,7 +78,7 @@ def test_outputs_of_a_damaged_definition_stay_as_they_are() -> None:
     whole = outputs({0: "main", 1: "aux"})
     numbers = np.zeros(len(whole), dtype=[("output", "<i4", (16,))])
     numbers["output"] = whole["output"]
-    damaged = table("actuator_outputs", numbers, whole.frame, whole.component)
+    damaged = table_of("actuator_outputs", numbers, component=whole.component)
     buses = PX4Buses()
     buses.feed({"parameter": parameters(SURFACES)})
     found = buses.feed({"actuator_outputs": damaged})["actuator_outputs"]

@@ -18,6 +18,7 @@ from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
 from tests.log.ulog import writer
 from tests.logs import packed
 from tests.strategies import START_US
+from tests.vehicle.tables import version
 
 
 def heard(*messages: object) -> RecordedFlights:
@@ -26,49 +27,44 @@ def heard(*messages: object) -> RecordedFlights:
     return identities
 
 
+TEXT = v2.MAVLink_statustext_message(6, b"CubeOrange 00112233 44556677 8899AABB")
+
+
 def test_the_board_says_the_same_in_a_message_and_in_a_text() -> None:
-    text = v2.MAVLink_statustext_message(6, b"CubeOrange 00112233 44556677 8899AABB")
-    uid = [*range(0, 0xBC, 0x11), *[0] * 6]
-    version = v2.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0, uid)
-    assert heard(text).of(1).board == heard(version).of(1).board == "00112233445566778899AABB"
+    told = version(uid2=bytes(range(0, 0xBC, 0x11)))
+    assert heard(TEXT).of(1).board == heard(told).of(1).board == "00112233445566778899AABB"
 
 
 def test_px4s_board_is_the_same_in_a_message_and_in_a_ulog() -> None:
-    uid = [0, 6, 0, 0, 0, 0, *range(0x30, 0x3C)]
-    version = v2.MAVLink_autopilot_version_message(0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0, uid)
-    told = writer.keyed("I", "char[36] sys_uuid", bytes(uid).hex().encode())
+    uid = bytes([0, 6, 0, 0, 0, 0, *range(0x30, 0x3C)])
+    told = writer.keyed("I", "char[36] sys_uuid", uid.hex().encode())
     log = writer.flight(1.0).replace(writer.keyed("I", "char[3] sys_name", b"PX4"), told)
     identities = RecordedFlights()
     identities.feed(Decoder().feed(log, final=True))
-    assert identities.of(7).board == heard(version).of(1).board == bytes(uid).hex().upper()
+    assert identities.of(7).board == heard(version(uid2=uid)).of(1).board == uid.hex().upper()
 
 
-def test_older_ids_and_simulated_boards_are_known() -> None:
-    older = v2.MAVLink_autopilot_version_message(
-        0, 0, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 0x1234, [0] * 18
-    )
-    assert heard(older).of(1).board == "0000000000001234"
-    ids = {
-        heard(v2.MAVLink_statustext_message(6, first + b"d1219c7c4c5404aaa1f6d2a48adfda4")).of(1).board
-        for first in (b"4", b"V", b";")
-    }
+def test_simulated_boards_are_known() -> None:
+    texts = (first + b"d1219c7c4c5404aaa1f6d2a48adfda4" for first in (b"4", b"V", b";"))
+    ids = {heard(v2.MAVLink_statustext_message(6, text)).of(1).board for text in texts}
     assert len(ids) == 3
     assert all(str(board).endswith(" D1219C7C4C5404AAA1F6D2A48ADFDA4") for board in ids)
 
 
 def test_a_serial_number_stands_for_a_board_that_is_not_told() -> None:
-    serial = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 17.0, 9, 1, 0)
-    unset = v2.MAVLink_param_value_message(b"BRD_SERIAL_NUM", 0.0, 9, 1, 0)
-    text = v2.MAVLink_statustext_message(6, b"CubeOrange 00112233 44556677 8899AABB")
-    boots = v2.MAVLink_param_value_message(b"STAT_BOOTCNT", 205.0, 9, 1, 0)
-    assert heard(serial).of(1).board == "serial 17"
-    assert (heard(boots).of(1).board, heard(boots, serial).of(1).boots, heard(serial).of(1).boots) == (
-        None,
-        205,
-        None,
+    serial, unset, boots = (
+        v2.MAVLink_param_value_message(name, value, 9, 1, 0)
+        for name, value in ((b"BRD_SERIAL_NUM", 17.0), (b"BRD_SERIAL_NUM", 0.0), (b"STAT_BOOTCNT", 205.0))
     )
-    assert heard(unset).of(1).board is None
-    assert heard(serial, text).of(1).board == "00112233445566778899AABB"
+    for said, board, count in (
+        ([serial], "serial 17", None),
+        ([boots], None, 205),
+        ([boots, serial], "serial 17", 205),
+        ([unset], None, None),
+        ([serial, TEXT], "00112233445566778899AABB", None),
+    ):
+        who = heard(*said).of(1)
+        assert (who.board, who.boots) == (board, count)
 
 
 def test_the_satellites_time_goes_before_that_of_reception() -> None:

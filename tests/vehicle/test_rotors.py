@@ -145,6 +145,7 @@ FOUR, NARROW = (1, 2, 3, 4), {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0}
     [
         (QUAD, "quad X", FOUR, (1200, 1900), 0.65),
         (QUAD | {"Q_ENABLE": 0.0}, "quad X", FOUR, (1200, 1900), 0.65),
+        (QUAD | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1945.0}, "quad X", FOUR, (1829, 1930.5), 0.65),
         (QUAD | NARROW | {"MOT_THST_EXPO": 0.5, "RC3_MIN": 1000.0}, "quad X", FOUR, (1260, 1820), 0.5),
         (BY_THROTTLE, "quad X", FOUR, (1260, 1820), 0.65),
         (COPTER | functions(32, 9, 3, 1) | {"SERVO2_FUNCTION": 4.0}, "quad X", (32, 9, 3, 1), (1200, 1900), 0.65),  # noqa: E501
@@ -160,21 +161,6 @@ def test_ardupilots_parameters_give_the_range_of_the_motors(
     assert (found.frame, found.servos, found.curve) == (frame, servos, curve)
     assert found.lift == frame.startswith("lift")
     assert (found.idle, found.full) == pytest.approx(range_us)
-
-
-@pytest.mark.parametrize(
-    ("values", "code"),
-    [
-        (QUAD | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1940.0}, "pulses_implausible"),  # 98 µs
-        (COPTER | functions(1, 2, 3), "motor_unassigned"),
-        (QUAD | {"FRAME_CLASS": 7.0}, "unjudged_frame"),
-    ],
-)
-def test_ardupilots_parameters_that_leave_the_motors_unknown(values: dict[str, float], code: str) -> None:
-    found = of(values)
-    assert isinstance(found, Reason)
-    assert found.code == code
-    assert rotors(QUAD | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1945.0})  # 101.5 µs
 
 
 def placed(count: int, output: str = "PWM_MAIN_FUNC") -> dict[str, float]:
@@ -198,15 +184,13 @@ PUSHED |= {f"CA_ROTOR{k}_AX": 0.0 for k in range(4)}
         (placed(8, "HIL_ACT_FUNC"), "octa", tuple(range(2, 10))),
         (PUSHED, "lift quad", (2, 3, 4, 5)),
         *(
-            ({"SYS_AUTOSTART": number, "MAV_TYPE": kind}, frame, tuple(range(1, count + 1)))
-            for number, kind, frame, count in (
-                (4001.0, 2.0, "quad X", 4),
-                (5001.0, 2.0, "quad +", 4),
-                (6001.0, 13.0, "hexa X", 6),
-                (7001.0, 13.0, "hexa +", 6),
-                (8001.0, 14.0, "octa X", 8),
-                (9001.0, 14.0, "octa +", 8),
+            ({"SYS_AUTOSTART": first + 1000.0 * (sign == "+"), "MAV_TYPE": kind}, f"{name} {sign}", outputs)
+            for first, kind, name, outputs in (
+                (4001.0, 2.0, "quad", (1, 2, 3, 4)),
+                (6001.0, 13.0, "hexa", tuple(range(1, 7))),
+                (8001.0, 14.0, "octa", tuple(range(1, 9))),
             )
+            for sign in "X+"
         ),
     ],
 )
@@ -221,10 +205,8 @@ def test_px4s_parameters_give_places_and_outputs(
     if frame == "quad X":
         assert np.allclose(found.columns, known("quad x").columns)
     if "CA_ROTOR_COUNT" in values:
-        count = len(servos)
-        assert found.bearings_deg == pytest.approx(
-            [(360 * k / count + 179.9) % 360 - 179.9 for k in range(count)]
-        )
+        bearings = (np.arange(0, 360, 360 / len(servos)) + 179.9) % 360 - 179.9
+        assert found.bearings_deg == pytest.approx(bearings)
 
 
 @pytest.mark.parametrize("values", [QUAD, BY_THROTTLE, LIFT, OLD, placed(4), PUSHED])
@@ -237,35 +219,36 @@ def test_motors_are_the_same_or_not_known_without_any_one_parameter(values: dict
         assert not isinstance(found, Rotors) or found == whole, name
 
 
-def test_px4s_parameters_that_leave_the_motors_unknown() -> None:
-    shifted = {name.replace("FUNC2", "FUNC20"): value for name, value in placed(4).items()}
-    nowhere = placed(4) | {f"CA_ROTOR{k}_PX": 0.0 for k in range(4)}
-    for values, why in (
-        (placed(3), "arrangement"),
-        (placed(4) | {"CA_ROTOR_COUNT": 5.0}, "lacks the parameter CA_ROTOR4_PX"),
-        (placed(5), "arrangement"),
-        (nowhere, "arrangement"),
-        (shifted, "motor_unassigned"),
-    ):
-        assert why in str(of(values, px4=True))
-    in_line = placed(4) | {f"CA_ROTOR{k}_PY": float(k - 1.5) for k in range(4)}
-    in_line |= {f"CA_ROTOR{k}_PX": 2.0 * k - 3.0 for k in range(4)}
-    assert "arrangement" in str(of(in_line, px4=True)), "roll and pitch are one"
-    for values in (
-        placed(4) | {"CA_AIRFRAME": 1.0, "SYS_AUTOSTART": 4001.0, "MAV_TYPE": 2.0},
-        {"SYS_AUTOSTART": 4001.0},
-        {"MAV_TYPE": 2.0},
-        {"SYS_AUTOSTART": 2100.0, "MAV_TYPE": 1.0},
-    ):
-        assert of(values, px4=True) is None
+IN_LINE = placed(4) | {f"CA_ROTOR{k}_P{axis}": 2.0 * k - 3.0 for k in range(4) for axis in "XY"}
+NOWHERE = placed(4) | {f"CA_ROTOR{k}_PX": 0.0 for k in range(4)}
+SHIFTED = {name.replace("FUNC2", "FUNC20"): value for name, value in placed(4).items()}
+SIMULATED = {**PARAMETERS, **FUNCTIONS, "FRAME_TYPE": 1.0}
 
 
-def test_what_is_no_multirotor_or_not_known() -> None:
-    assert of({"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}) is None  # a rover or a boat
-    assert of({}) is None
-    for kind, why in (
-        (5.0, "which of a pair"),
-        (7.0, "a tricopter turns by a servo"),
-        (13.0, "FRAME_CLASS 13"),
-    ):
-        assert why in str(of({**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": kind, "FRAME_TYPE": 1.0}))
+@pytest.mark.parametrize(
+    ("px4", "values", "why"),
+    [
+        (False, QUAD | {"MOT_PWM_MIN": 1800.0, "MOT_PWM_MAX": 1940.0}, "pulses_implausible"),  # 98 µs
+        (False, COPTER | functions(1, 2, 3), "motor_unassigned"),
+        (False, QUAD | {"FRAME_CLASS": 7.0}, "unjudged_frame"),
+        (False, SIMULATED | {"FRAME_CLASS": 5.0}, "which of a pair"),
+        (False, SIMULATED | {"FRAME_CLASS": 7.0}, "a tricopter turns by a servo"),
+        (False, SIMULATED | {"FRAME_CLASS": 13.0}, "FRAME_CLASS 13"),
+        (False, {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}, "None"),  # a rover or a boat
+        (False, {}, "None"),
+        (True, placed(3), "arrangement"),
+        (True, placed(4) | {"CA_ROTOR_COUNT": 5.0}, "lacks the parameter CA_ROTOR4_PX"),
+        (True, placed(5), "arrangement"),
+        (True, NOWHERE, "arrangement"),
+        (True, IN_LINE, "arrangement"),  # roll and pitch are one
+        (True, SHIFTED, "motor_unassigned"),
+        (True, placed(4) | {"CA_AIRFRAME": 1.0, "SYS_AUTOSTART": 4001.0, "MAV_TYPE": 2.0}, "None"),
+        (True, {"SYS_AUTOSTART": 4001.0}, "None"),
+        (True, {"MAV_TYPE": 2.0}, "None"),
+        (True, {"SYS_AUTOSTART": 2100.0, "MAV_TYPE": 1.0}, "None"),
+    ],
+)
+def test_parameters_that_leave_the_motors_unknown(px4: bool, values: dict[str, float], why: str) -> None:
+    found = of(values, px4=px4)
+    assert (found is None) == (why == "None")
+    assert why in str(found)

@@ -15,6 +15,7 @@ from mavhums.log.base.decoder import LOOSE_TIME
 from mavhums.vehicle import clocks as clocks_module
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.time_axis import BOOT, BROKEN, SOUND, UNSTAMPED, USEC, MappedTimes, VehicleClock
+from tests.strategies import cuts
 from tests.vehicle.tables import table_of
 
 Times = NDArray[np.int64]
@@ -58,14 +59,11 @@ def test_where_blocks_end_does_not_matter(messages: list[tuple[int, int]], data:
     sent = array([10**9 + 10_000 * k for k in range(len(messages))])
     received = sent + array([lag for _, lag in messages])
     expected = follow(sent, received, kinds)
-    cut = data.draw(st.lists(st.booleans(), min_size=len(messages), max_size=len(messages)))
-    clock, found = VehicleClock(), []
-    for a, b in itertools.pairwise([0, *np.flatnonzero(cut), len(messages)]):
-        found.append(follow(sent[a:b], received[a:b], kinds[a:b], clock=clock))
-    for name in MappedTimes._fields:
-        assert np.array_equal(
-            np.concatenate([getattr(part, name) for part in found]), getattr(expected, name)
-        )
+    cut, clock = data.draw(cuts(len(messages))), VehicleClock()
+    edges = itertools.pairwise([0, *cut, len(messages)])
+    found = [follow(sent[a:b], received[a:b], kinds[a:b], clock=clock) for a, b in edges]
+    for of_parts, of_whole in zip(zip(*found, strict=True), expected, strict=True):
+        assert np.array_equal(np.concatenate(of_parts), of_whole)
 
 
 def test_a_reboot_starts_a_segment_after_three_stamps() -> None:
@@ -82,11 +80,8 @@ def test_a_reboot_starts_a_segment_after_three_stamps() -> None:
     [(30_000_000, SOUND), (30_000_001, BROKEN), (-30_000_000, SOUND), (-30_000_001, BROKEN)],
 )
 def test_a_stamp_more_than_30_s_from_what_has_passed_is_broken(jump_us: int, worth: int) -> None:
-    sent = array([100_000_000, 102_000_000 + jump_us])
-    received = START_US + array(
-        [0, 2_000_000 if jump_us > 0 else 0]
-    )  # ahead of what passed, behind the newest
-    sent[1] -= 0 if jump_us > 0 else 2_000_000
+    passed_us = 2_000_000 if jump_us > 0 else 0  # ahead of what passed, behind the newest
+    sent, received = array([100_000_000, 100_000_000 + passed_us + jump_us]), START_US + array([0, passed_us])
     assert follow(sent, received).worth.tolist() == [SOUND, worth]
 
 
@@ -186,10 +181,9 @@ def test_the_time_of_now_is_the_senders_newest_and_what_passed_since_it_came() -
 
 
 def table(name: str, sent_ms: list[int], *, sequence: list[int], received_us: list[int]) -> Table:
-    fields = np.array(
-        [(ms,) for ms in sent_ms], dtype=[("time_boot_ms" if name != "VFR_HUD" else "alt", "u4")]
-    )
-    frames = np.arange(len(sent_ms)) * 2 + (name == "VFR_HUD")
+    plain = name == "VFR_HUD"
+    fields = np.array([(ms,) for ms in sent_ms], dtype=[("alt" if plain else "time_boot_ms", "u4")])
+    frames = np.arange(len(sent_ms)) * 2 + plain
     return table_of(name, fields, frame=frames, time_us=START_US + array(received_us), sequence=sequence)
 
 
@@ -222,13 +216,9 @@ def test_what_arrives_over_several_routes_is_one_message() -> None:
     received = [10_000 * k for k in range(7)]
     whole = table("ATTITUDE", sent, sequence=sequence, received_us=received)
     for size in (1, 2, 7):
-        clocks = Clocks()
-        parts = [
-            clocks.feed({"ATTITUDE": whole.select(np.arange(k, min(k + size, 7)))})["ATTITUDE"]
-            for k in range(0, 7, size)
-        ]
-        kept = np.concatenate([part["time_boot_ms"] for part in parts])
-        assert kept.tolist() == [1000, 1100, 1200, 1300]
+        clocks, parts = Clocks(), np.split(np.arange(7), range(size, 7, size))
+        kept = [clocks.feed({"ATTITUDE": whole.select(part)})["ATTITUDE"]["time_boot_ms"] for part in parts]
+        assert np.concatenate(kept).tolist() == [1000, 1100, 1200, 1300]
         assert clocks.copies == {"ATTITUDE": 3}
         assert not clocks.broken
 
@@ -249,17 +239,17 @@ def test_a_message_without_a_stamp_is_doubted_on_an_uneven_link(latency_us: int,
 
 def doubled(*received_s: float, late_s: float = 0.01) -> dict[str, Table]:
     """Return stamped messages that arrive twice from the first second on, and plain ones at some times."""
-    at = sorted([(1.0 + k / 2 + late, 0, k) for k in range(20) for late in (0.0, late_s)])
-    at = sorted(at + [(second, 1, 0) for second in received_s])
-    order = np.arange(len(at))
+    twice = [(1.0 + k / 2 + late, "ATTITUDE", k) for k in range(20) for late in (0.0, late_s)]
+    rows = [*enumerate(sorted(twice + [(second, "VFR_HUD", 0) for second in received_s]))]
     found = {}
-    for kind, name in enumerate(("ATTITUDE", "VFR_HUD")):
-        rows = [(second, k) for second, one, k in at if one == kind]
-        received_us = [round(second * 1e6) for second, _ in rows]
-        sent_ms = [1000 + 500 * k if name == "ATTITUDE" else 7 for _, k in rows]
-        made = table(name, sent_ms, sequence=[k for _, k in rows], received_us=received_us)
-        made.frame[:] = order[[one == kind for _, one, _ in at]]
-        found[name] = made
+    for name in ("ATTITUDE", "VFR_HUD"):
+        frames, seconds, numbers = zip(
+            *[(n, at_s, k) for n, (at_s, one, k) in rows if one == name], strict=True
+        )
+        received_us = [round(second * 1e6) for second in seconds]
+        sent_ms = [1000 + 500 * k for k in numbers]
+        found[name] = table(name, sent_ms, sequence=[*numbers], received_us=received_us)
+        found[name].frame[:] = frames
     return found
 
 
@@ -281,10 +271,7 @@ def test_only_a_message_without_a_stamp_after_a_second_route_and_of_the_last_sec
     clocks, kept = Clocks(), list[int]()
     whole = doubled(*received_s)
     for first in range(0, sum(map(len, whole.values())), cut):
-        inside = {
-            name: part.select((part.frame >= first) & (part.frame < first + cut))
-            for name, part in whole.items()
-        }
+        inside = {name: part.select(part.frame // cut == first // cut) for name, part in whole.items()}
         kept += (clocks.feed(inside)["VFR_HUD"].time_us - START_US).tolist()
     assert kept == [round(second * 1e6) for second in kept_s]
 

@@ -8,14 +8,8 @@ import pytest
 from mavhums.vehicle.vtol import lift_of, rotor_servos
 
 # A tiltrotor: motors 1 and 3 tilt, motor 2 lifts only, servo 8 tilts.
-TILTROTOR = {
-    "Q_ENABLE": 1.0,
-    "Q_TILT_MASK": 0b101,
-    "SERVO5_FUNCTION": 33.0,
-    "SERVO6_FUNCTION": 34.0,
-    "SERVO7_FUNCTION": 35.0,
-    "SERVO8_FUNCTION": 41.0,
-}
+TILTROTOR = {"Q_ENABLE": 1.0, "Q_TILT_MASK": 0b101}
+TILTROTOR |= {f"SERVO{n}_FUNCTION": function for n, function in ((5, 33), (6, 34), (7, 35), (8, 41))}
 
 
 def sent(**pulses: float) -> np.ndarray:
@@ -46,14 +40,15 @@ def test_the_mask_of_tilts_parts_the_motors() -> None:
     ],
 )
 def test_motors_of_a_tailsitter_that_pull_do_not_lift(values: dict[str, float], servos: set[int]) -> None:
-    assert (
-        lift_of({"Q_ENABLE": 1.0, "SERVO5_FUNCTION": 33.0, "SERVO6_FUNCTION": 34.0} | values).servos == servos
-    )
+    motors = {"Q_ENABLE": 1.0, "SERVO5_FUNCTION": 33.0, "SERVO6_FUNCTION": 34.0}
+    assert lift_of(motors | values).servos == servos
 
 
-@pytest.mark.parametrize("function", [41, 45, 46, 47, 75, 76])
-def test_each_tilt_function_tilts(function: int) -> None:
-    assert [tilt.servo for tilt in lift_of(TILTROTOR | {"SERVO8_FUNCTION": function}).tilts] == [8]
+def test_functions_of_motors_lift_and_those_of_tilts_tilt_and_no_other() -> None:
+    lifting = {n for n in range(150) if lift_of({"Q_ENABLE": 1.0, "SERVO3_FUNCTION": n}).servos}
+    tilting = {n for n in range(150) if lift_of(TILTROTOR | {"SERVO8_FUNCTION": n}).tilts}
+    assert lifting == {*range(33, 41), *range(82, 86)}
+    assert tilting == {41, 45, 46, 47, 75, 76}
 
 
 @pytest.mark.parametrize(
@@ -76,24 +71,13 @@ def test_a_motor_carries_above_its_idle_pulse(parameters: dict[str, float], abov
     assert lift.works(sent(s5=above_us + 1))[0]
 
 
-@pytest.mark.parametrize("function", [*range(33, 41), *range(82, 86)])
-def test_each_motor_function_lifts(function: int) -> None:
-    assert lift_of({"Q_ENABLE": 1.0, "SERVO3_FUNCTION": function}).servos == {3}
-
-
 @pytest.mark.parametrize(("servo", "known"), [(0, False), (1, True), (16, True), (32, True), (33, False)])
 def test_a_motor_lifts_and_turns_at_each_output(servo: int, known: bool) -> None:
     assert lift_of({f"SERVO{servo}_FUNCTION": 33.0}).servos == ({servo} if known else set())
-    assert lift_of({f"SERVO{servo}_FUNCTION": 41.0, "Q_TILT_MASK": 1.0}).tilts == (
-        ((servo, 1100.0, 1900.0),) if known else ()
-    )
+    tilts = lift_of({f"SERVO{servo}_FUNCTION": 41.0, "Q_TILT_MASK": 1.0}).tilts
+    assert tilts == (((servo, 1100.0, 1900.0),) if known else ())
     found = rotor_servos({f"SERVO{servo}_FUNCTION": 36.0, "FRAME_CLASS": 6.0})
     assert found == ({servo: "tail rotor"} if known else {})
-
-
-@pytest.mark.parametrize("function", [0, 4, 32, 41, 81, 86])
-def test_no_other_function_lifts(function: int) -> None:
-    assert not lift_of({"Q_ENABLE": 1.0, "SERVO3_FUNCTION": function}).servos
 
 
 def test_tilted_motors_lift_until_they_point_forward() -> None:
