@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.vehicle.facts import Signal
-from mavhums.vehicle.grid import HORIZON_S, RATE_HZ, Grid, Order, Received, _between, _last_reported, _spacing
+from mavhums.vehicle.grid import HORIZON_S, RATE_HZ, Grid, Order, Received
 from tests.present import present
+from tests.strategies import cuts
 
 Array = NDArray[np.float64]
 COLUMNS = {"outputs": 16, "rates": 3, "rates 2": 3, "attitude": 3, "airspeed": 1, "state": 4}
@@ -49,10 +50,8 @@ def even(hz: float, seconds: float, begin: float = 0.0) -> Array:
 )
 def test_any_latency_of_each_stream_gives_the_same_seconds(latency: dict[str, float], phase: int) -> None:
     times = {name: even(4.0, 60.0, 0.01 * (phase + 7 * k) % 0.25) for k, name in enumerate(latency)}
-    expected = Grid(0).feed(signals(arrivals(times, {})), final=True)
-    grid = Grid(0)
+    expected, grid = present(Grid(0).feed(signals(arrivals(times, {})), final=True)), Grid(0)
     found = present(grid.feed(signals(arrivals(times, latency)), final=True))
-    assert expected is not None
     assert np.array_equal(found.index, expected.index)
     for name, values in expected.signals.items():
         np.testing.assert_array_equal(found.signals[name], values)
@@ -70,17 +69,14 @@ def test_any_latency_of_each_stream_gives_the_same_seconds(latency: dict[str, fl
 )
 def test_seconds_do_not_depend_on_the_blocks(steps: list[tuple[str, float]], data: st.DataObject) -> None:
     """Whatever order, pauses and dead streams: what is settled is settled, and the counts are the same."""
-    times = itertools.accumulate(step for _, step in steps)
-    rows = [(name, time) for (name, _), time in zip(steps, times, strict=True)]
-    whole = Grid(0)
-    expected = [whole.feed(signals(rows)), whole.feed([], final=True)]
-    cut = data.draw(st.lists(st.booleans(), min_size=len(rows), max_size=len(rows)))
-    grid, found = Grid(0), []
-    for a, b in itertools.pairwise([0, *np.flatnonzero(cut).tolist(), len(rows)]):
-        found.append(grid.feed(signals(rows[a:b], a)))
-    found.append(grid.feed([], final=True))
+    names, pauses = zip(*steps, strict=True) if steps else ((), ())
+    rows = [*zip(names, itertools.accumulate(pauses), strict=True)]
+    whole, grid = Grid(0), Grid(0)
+    wanted = [one for one in (whole.feed(signals(rows)), whole.feed([], final=True)) if one]
+    edges = itertools.pairwise([0, *data.draw(cuts(len(rows))), len(rows)])
+    fed = [*(grid.feed(signals(rows[a:b], a)) for a, b in edges), grid.feed([], final=True)]
+    parts = [one for one in fed if one]
     assert grid.received() == whole.received()
-    parts, wanted = [one for one in found if one], [one for one in expected if one]
     assert [i for one in parts for i in one.index] == [i for one in wanted for i in one.index]
     for name in wanted[0].signals if wanted else ():
         got = np.concatenate([one.signals[name] for one in parts])
@@ -146,32 +142,6 @@ def test_an_altitude_is_no_angle() -> None:
 def test_seconds_before_the_start_are_counted_below_zero(start_s: int) -> None:
     """Samples of a stream that was on its way when the first one came."""
     rows = arrivals({"attitude": even(4.0, 20.0), "outputs": even(4.0, 20.0)}, {})
-    expected = Grid(0).feed(signals(rows), final=True)
-    found = Grid(start_s * 1_000_000).feed(signals(rows), final=True)
-    assert expected is not None
-    assert found is not None
+    expected = present(Grid(0).feed(signals(rows), final=True))
+    found = present(Grid(start_s * 1_000_000).feed(signals(rows), final=True))
     assert (found.index + start_s).tolist() == expected.index.tolist()
-
-
-NAN = np.nan
-
-
-@pytest.mark.parametrize(
-    ("at", "expected"), [(-0.1, NAN), (0.0, 1.0), (0.3, 1.5), (0.9, 2.5), (1.2, NAN), (2.5, NAN), (9.0, NAN)]
-)
-def test_a_signal_is_interpolated_over_no_more_than_a_gap(at: float, expected: float) -> None:
-    """The samples are 1.2 s and then 1.3 s apart; from the last one on nothing lies between samples."""
-    time_s, values = np.array([0.0, 1.2, 2.5]), np.array([[1.0], [3.0], [7.0]])
-    np.testing.assert_allclose(_between(time_s, values, np.array([at])), [[expected]])
-
-
-def test_spacing_and_state_hold_for_five_seconds() -> None:
-    time_s = np.array([0.0, 5.0, 10.5])
-    at = np.array([-1.0, 0.0, 4.9, 5.0, 10.5])
-    np.testing.assert_array_equal(_spacing(time_s, at), [NAN, 5.0, 5.0, NAN, NAN])
-    values = np.array([[1.0], [2.0], [3.0]])
-    at = np.array([-1.0, 0.0, 4.9, 5.0, 10.0, 10.1, 15.5, 15.6])
-    np.testing.assert_array_equal(
-        _last_reported(time_s, values, at)[:, 0], [NAN, 1.0, 1.0, 2.0, 2.0, NAN, 3.0, NAN]
-    )
-    np.testing.assert_array_equal(_last_reported(time_s[:0], values[:0], at[:2]), [[NAN], [NAN]])

@@ -35,19 +35,6 @@ class Frame(NamedTuple):
         return (12 if self.version == 2 else 8) + len(self.payload) + 13 * self.signed
 
 
-class Scan(NamedTuple):
-    """All that was found in a stream, known messages and unknown ones in the order of the stream."""
-
-    frames: list[Frame]
-    regions: list[tuple[int, int]]
-    cut_end: int
-    zeros: int
-    odd_times: int
-    jumps: int
-    rewinds: int
-    trials: int
-
-
 def frames_of(batch: RecordBatch) -> list[Frame]:
     out = []
     for row in batch.rows:
@@ -74,7 +61,7 @@ def scan(data: bytes, places: Iterable[int] = (), *, stamp: int = 8) -> tuple[li
     return found + frames_of(scanner.feed(b"", final=True)), scanner
 
 
-def checked(data: bytes, *, stamp: int = 8) -> Scan:
+def checked(data: bytes, *, stamp: int = 8) -> tuple[list[Frame], FrameScanner]:
     frames, scanner = scan(data, stamp=stamp)
     known, totals = load_dialect().definitions, scanner.totals
     end, reserve, regions = 0, 0, []
@@ -94,7 +81,4 @@ def checked(data: bytes, *, stamp: int = 8) -> Scan:
     tail = len(data) - end - totals.cut_end - totals.filler
     assert scanner.regions == [*regions, *([(end, tail)] if tail else [])][:1000]
     assert totals.padded == sum(frame.padded for frame in frames)
-    return Scan(
-        frames, scanner.regions, totals.cut_end, totals.filler, totals.odd_times, totals.jumps,
-        totals.rewinds, totals.trials,
-    )  # fmt: skip
+    return frames, scanner
