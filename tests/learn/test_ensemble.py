@@ -1,18 +1,32 @@
+import sys
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
+from numpy.typing import NDArray
+from sklearn.base import clone
 from sklearn.datasets import make_moons
 
+from mavhums.core.errors import MissingExtraError
 from mavhums.learn import TanhNetworkEnsemble
+from mavhums.learn.batched import BatchLoss
 
 MOONS, SIDE = make_moons(300, noise=0.2, random_state=0)
 
 
-def fitted(**parameters: Any) -> TanhNetworkEnsemble:
+def fitted(features: NDArray[np.float64] = MOONS, **parameters: Any) -> TanhNetworkEnsemble:
     return TanhNetworkEnsemble(**{"n_networks": 6, "max_iter": 80, "random_state": 0} | parameters).fit(
-        MOONS, SIDE
+        features, SIDE
     )
+
+
+def one(features: NDArray[np.float64] = MOONS, **parameters: Any) -> TanhNetworkEnsemble:
+    return fitted(features, **{"n_networks": 1, "hidden": (8,), "max_iter": 200} | parameters)
+
+
+def weights(classifier: TanhNetworkEnsemble) -> NDArray[np.float64]:
+    return np.concatenate([tensor.ravel() for tensor in classifier.networks_[0].tensors.values()])
 
 
 def test_the_ensemble_is_the_mean_of_its_networks_and_says_how_far_they_differ() -> None:
@@ -23,6 +37,8 @@ def test_the_ensemble_is_the_mean_of_its_networks_and_says_how_far_they_differ()
     np.testing.assert_allclose(ensemble.member_scores(MOONS, SIDE), ((second > 0.5) == SIDE).mean(axis=1))
     assert ensemble.score(MOONS, SIDE) > 0.9
     assert ensemble.best_ == np.argmin(ensemble.losses_)
+    chosen = np.where(SIDE == 1, second, 1 - second)
+    np.testing.assert_allclose(ensemble.losses_, -np.log(chosen).mean(axis=1))
 
 
 def test_hidden_neurons_are_gone_through_in_turn() -> None:
@@ -48,13 +64,62 @@ def test_samples_without_weight_are_as_if_absent() -> None:
     np.testing.assert_allclose(weighted.predict_proba(MOONS), absent.predict_proba(MOONS), atol=1e-6)
 
 
+@pytest.mark.slow
+def test_units_do_not_matter() -> None:
+    scaled = MOONS * [1024, 2**-10]
+    np.testing.assert_array_equal(one(scaled).predict_proba(scaled), one().predict_proba(MOONS))
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_network_whatever_the_state_of_torch() -> None:
+    torch.manual_seed(1)
+    first = one()
+    torch.manual_seed(2)
+    state = torch.get_rng_state()
+    np.testing.assert_array_equal(weights(first), weights(one()))
+    assert torch.equal(torch.get_rng_state(), state)
+    assert not np.array_equal(weights(first), weights(one(random_state=1)))
+
+
+def test_trains_on_one_thread_and_restores_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    threads, used = torch.get_num_threads(), set()
+    evaluate = BatchLoss.evaluate
+
+    def spy(*given: Any) -> Any:
+        used.add(torch.get_num_threads())
+        return evaluate(*given)
+
+    monkeypatch.setattr(BatchLoss, "evaluate", spy)
+    torch.set_num_threads(2)
+    try:
+        one(max_iter=2)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(threads)
+    assert used == {1}
+
+
+def test_weight_decay_keeps_the_weights_small_and_training_ends_when_it_has_converged() -> None:
+    small, large = one(weight_decay=0.1, max_iter=5000), one(weight_decay=1e-4, max_iter=60)
+    assert np.square(small.networks_[0].w1).sum() < np.square(large.networks_[0].w1).sum() / 10
+    assert small.n_iter_ < 1000
+    assert large.n_iter_ == 60
+
+
 @pytest.mark.parametrize(
-    ("parameter", "value"),
-    [
-        ("n_networks", 0), ("max_iter", 1.5), ("patience", 0), ("hidden", ()), ("hidden", (4, 0)),
-        ("weight_decay", -1), ("weight_decay", float("nan")), ("weight_decay", "some"), ("precision", "half"),
-    ],
-)  # fmt: skip
-def test_refuses_parameters_that_mean_nothing(parameter: str, value: Any) -> None:
-    with pytest.raises(ValueError, match=f"^{parameter} must"):
-        fitted(**{parameter: value})
+    ("target", "message"),
+    [([0, 1, 2, 0], "Only binary classification is supported"), ([1, 1, 1, 1], "one class")],
+)
+def test_needs_two_classes(target: list[int], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        TanhNetworkEnsemble().fit(MOONS[:4], target)
+
+
+def test_without_torch_it_still_predicts_but_says_how_to_train(monkeypatch: pytest.MonkeyPatch) -> None:
+    classifier = one()
+    expected = classifier.predict(MOONS)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "mavhums.learn.batched")
+    np.testing.assert_array_equal(classifier.predict(MOONS), expected)
+    with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[train\]'"):
+        clone(classifier).fit(MOONS, SIDE)

@@ -136,27 +136,26 @@ def test_a_file_too_large_is_not_taken_into_memory(path: Path) -> None:
     with path.open("r+b") as file:
         file.truncate(2**28)
     tracemalloc.start()
-    try:
-        with pytest.raises(ModelError, match="larger than any model"):
-            load_model(path)
-        assert tracemalloc.get_traced_memory()[1] < 2**26
-    finally:
-        tracemalloc.stop()
+    with pytest.raises(ModelError, match="larger than any model"):
+        load_model(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2**26
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda tensors: tensors | {"w3": np.zeros(2)}, "contains other tensors than"),
-        (lambda tensors: tensors | {"w1": np.zeros((3, 4), dtype=np.float32)}, "w1 is not of 64-bit floats"),
-        (lambda tensors: tensors | {"w1": np.zeros((4, 3))}, "w1 has the shape"),
-        (lambda tensors: tensors | {"b2": np.array([0, np.nan])}, "b2 contains a number that is not finite"),
+        ({"w3": np.zeros(2)}, "contains other tensors than"),
+        ({"w1": np.zeros((3, 4), dtype=np.float32)}, "w1 is not of 64-bit floats"),
+        ({"w1": np.zeros((4, 3))}, "w1 has the shape"),
+        ({"b2": np.array([0, np.nan])}, "b2 contains a number that is not finite"),
     ],
 )
 def test_tensors_that_make_no_network_are_refused(
-    path: Path, network: Network, card: Card, change: Callable[[Tensors], Tensors], message: str
+    path: Path, network: Network, card: Card, change: Tensors, message: str
 ) -> None:
-    write(path, change(dict(network.tensors)), card.model_dump_json())
+    write(path, {**network.tensors, **change}, card.model_dump_json())
     with pytest.raises(ModelError, match=rf"test\.safetensors: .*{message}"):
         load_model(path)
 
@@ -272,15 +271,9 @@ def test_any_calibration_gives_a_probability(slope: float, intercept: float, sha
 @pytest.fixture
 def window() -> WindowNetwork:
     random = np.random.default_rng(5)
-    return WindowNetwork(
-        keys=("V5 way", "V4|V5"),
-        minimum=np.zeros(2),
-        maximum=np.ones(2),
-        w1=random.normal(size=(2, 3)),
-        b1=random.normal(size=3),
-        w2=random.normal(size=(3, 3)),
-        b2=random.normal(size=3),
-    )
+    shapes = {"w1": (2, 3), "b1": (3,), "w2": (3, 3), "b2": (3,)}
+    weights = {name: random.normal(size=shape) for name, shape in shapes.items()}
+    return WindowNetwork(keys=("V5 way", "V4|V5"), minimum=np.zeros(2), maximum=np.ones(2), **weights)
 
 
 @pytest.fixture
@@ -325,11 +318,8 @@ def test_a_model_of_samples_alone_knows_no_windows(path: Path) -> None:
 def test_a_card_and_its_network_of_windows_must_agree(
     tmp_path: Path, network: Network, card: Card, with_window: Card, window: WindowNetwork
 ) -> None:
-    for said, other in (
-        (with_window, None),
-        (card, window),
-        (with_window, replace(window, keys=("V5 rms", "V4|V5"))),
-    ):
+    others = replace(window, keys=("V5 rms", "V4|V5"))
+    for said, other in ((with_window, None), (card, window), (with_window, others)):
         with pytest.raises(ValueError, match="features of windows"):
             save_model(tmp_path / "model", network, said, other)
     assert not list(tmp_path.iterdir())

@@ -1,11 +1,8 @@
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
-from sklearn.pipeline import make_pipeline
 
-from mavhums.learn import ChiSquareRanking, PairwiseRedundancyFilter, TanhNetworkEnsemble
+from mavhums.learn import ChiSquareRanking, PairwiseRedundancyFilter
 
 RANDOM = np.random.default_rng(11)
 LABEL = np.repeat([False, True], 400)
@@ -82,19 +79,3 @@ def test_the_given_ranking_decides_and_is_not_changed() -> None:
     fitted = PairwiseRedundancyFilter(ranking=ranking).fit(FEATURES, LABEL)
     assert not hasattr(ranking, "scores_")
     np.testing.assert_array_equal(fitted.ranking_.scores_, ranking.fit(FEATURES, LABEL).scores_)
-
-
-def test_composes_with_scikit_learn() -> None:
-    pipeline = make_pipeline(PairwiseRedundancyFilter(), TanhNetworkEnsemble(1, (2,), random_state=0))
-    pipeline.fit(FEATURES, LABEL)
-    assert pipeline[-1].n_features_in_ == 4
-    assert pipeline.score(FEATURES, LABEL) > 0.65
-
-
-@pytest.mark.parametrize(
-    ("parameter", "value"),
-    [("threshold", 0), ("threshold", 1.01), ("threshold", "high"), ("degree", 0), ("degree", 1.5)],
-)
-def test_refuses_parameters_that_mean_nothing(parameter: str, value: Any) -> None:
-    with pytest.raises(ValueError, match=f"^{parameter} must"):
-        PairwiseRedundancyFilter(**{parameter: value}).fit(FEATURES, LABEL)

@@ -70,8 +70,6 @@ def test_an_elementary_function_must_be_finite_where_it_is_asked() -> None:
         NonlinearRegression({"log({})": np.log}).fit(VOLTAGE[:, None], VOLTAGE)
     with pytest.raises(ValueError, match="at least one elementary function"):
         NonlinearRegression({}).fit(VOLTAGE[:, None], VOLTAGE)
-    with pytest.raises(ValueError, match=r"^order must"):
-        NonlinearRegression(order=0).fit(VOLTAGE[:, None], VOLTAGE)
 
 
 FEATURES = np.column_stack([VOLTAGE, CURRENT, VOLTAGE * CURRENT, 0.02 * CURRENT, LOAD, np.ones(600)])
@@ -118,5 +116,3 @@ def test_units_do_not_change_the_groups(scale: list[float]) -> None:
 def test_nothing_but_constants_is_refused() -> None:
     with pytest.raises(ValueError, match="every feature is constant"):
         RegressionRedundancyFilter().fit(np.ones((6, 2)), [0, 0, 0, 1, 1, 1])
-    with pytest.raises(ValueError, match=r"^threshold must"):
-        RegressionRedundancyFilter(threshold=0).fit(FEATURES, LABEL)

@@ -50,8 +50,3 @@ def test_nothing_is_thinned_that_is_small_enough() -> None:
     thinning = VectorThinning(400).fit(FEATURES, LABEL)
     np.testing.assert_array_equal(thinning.indices_, np.arange(400))
     assert set(thinning.weights_) == {1.0}
-
-
-def test_refuses_parameters_that_mean_nothing() -> None:
-    with pytest.raises(ValueError, match=r"^n_vectors must"):
-        VectorThinning(0).fit(FEATURES, LABEL)
