@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 from sqlalchemy import select
 
-from mavhums import fleet
+from mavhums import Options, fleet
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import packed
 from mavhums.flights.history import PastFlight
@@ -23,6 +23,18 @@ from mavhums.flights.store.database import METADATA, us_of
 from mavhums.flights.store.logs import add_logs
 from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.results.assessment import Assessment
+from tests.fleet_logs import moved
+
+FOLDER = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=0)
+"""A scan in this process by the rule that the folder of a log names its aircraft."""
+
+
+def write_logs(folder: Path, *logs: bytes, first: int = 0) -> Path:
+    """Write logs into a folder, received a day after each other."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for day, data in enumerate(logs, first):
+        (folder / f"{day:02}.tlog").write_bytes(moved(data, 86_400.0 * day))
+    return folder
 
 
 def row_of(assessment: Assessment, aircraft: str, flight: StandaloneAssessment | None = None) -> Row:

@@ -20,25 +20,20 @@ import pytest
 
 from mavhums.core.errors import MavhumsError
 from tests.conftest import Run, files_up_to
-from tests.fleet_logs import moved, small
+from tests.fleet_logs import small
 
 pytest.importorskip("distributed")
 
 from mavhums import Options, fleet
-from tests.fleet.stores import add, verdicts_of
+from tests.fleet.stores import add, verdicts_of, write_logs
 
 FLIGHTS = 6
-DAY_S = 86_400.0
 
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Some flights of one aircraft."""
-    folder = tmp_path_factory.mktemp("faults") / "D-A"
-    folder.mkdir()
-    for day in range(FLIGHTS):
-        (folder / f"{day:02}.tlog").write_bytes(moved(small(), DAY_S * day))
-    return folder
+    return write_logs(tmp_path_factory.mktemp("faults") / "D-A", *[small()] * FLIGHTS)
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import random
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from mavhums.app.settings import Options
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.results.verdict import Verdict
 from tests.conftest import Run
-from tests.fleet_logs import joined, moved, nameless, small
+from tests.fleet_logs import joined, nameless, small
 
 distributed = pytest.importorskip("distributed")
 dask = pytest.importorskip("dask")
@@ -27,28 +28,21 @@ cloudpickle = pytest.importorskip("cloudpickle")
 
 from mavhums import fleet  # noqa: E402
 from mavhums.fleet.sources import logs_in  # noqa: E402
-from tests.fleet.stores import table, verdicts_of  # noqa: E402
+from tests.fleet.stores import table, verdicts_of, write_logs  # noqa: E402
 from tests.live.programs import mavhums  # noqa: E402
 
 FLIGHTS = 12
-DAY_S = 86_400.0
 
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Twelve flights of each of two aircraft, the last worn; two vehicles speak in the logs of one."""
-    folder = tmp_path_factory.mktemp("fleet")
-    healthy = [small(seed) for seed in range(3)]
-    worn, failing = small(8, 0.3), small(9, 1.1)
-    for number in range(FLIGHTS):
-        last = number == FLIGHTS - 1
-        one = worn if last else healthy[number % 3]
-        other = failing if last else healthy[(number + 1) % 3]
-        for aircraft, data in (("D-A", one), ("D-B", joined(one, other))):
-            path = folder / "logs" / aircraft / f"{number:02}.tlog"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(moved(data, DAY_S * number))
-    return folder / "logs"
+    folder = tmp_path_factory.mktemp("fleet") / "logs"
+    healthy = [small(number % 3) for number in range(FLIGHTS)]
+    one, other = [*healthy[:-1], small(8, 0.3)], [*healthy[1:], small(9, 1.1)]
+    write_logs(folder / "D-A", *one)
+    write_logs(folder / "D-B", *map(joined, one, other))
+    return folder
 
 
 @pytest.fixture(scope="module")
@@ -84,13 +78,8 @@ def test_a_fleet_says_what_one_command_after_each_landing_says(
     scanned: Path, one_by_one: dict[str, list[str]]
 ) -> None:
     assert verdicts_of(scanned, "D-A", "D-B") == one_by_one
-    kinds = {
-        evidence.kind
-        for several in one_by_one.values()
-        for verdict in map(Verdict.model_validate_json, several)
-        for evidence in verdict.evidence
-    }
-    assert "friction_drift" in kinds
+    verdicts = [Verdict.model_validate_json(one) for several in one_by_one.values() for one in several]
+    assert "friction_drift" in {evidence.kind for one in verdicts for evidence in one.evidence}
 
 
 @pytest.mark.slow
@@ -102,9 +91,7 @@ def test_a_second_scan_judges_nothing_and_another_rate_judges_all(
         done = fleet.scan(few, tmp_path / "store", options)
     assert done == (0, 0, 3)
     assert len(table(tmp_path / "store", "flight")) == 3
-    stricter = fleet.ScanOptions(
-        judging=Options(false_alarms=0.1, aircraft="folder"), scheduler=options.scheduler
-    )
+    stricter = replace(options, judging=Options(false_alarms=0.1, aircraft="folder"))
     assert fleet.scan(few, tmp_path / "store", stricter) == (3, 0, 0)
     assert fleet.status(tmp_path / "store").judged == 3
     assert len(fleet.verdicts(tmp_path / "store", "D-A")) == 12
@@ -247,17 +234,13 @@ def test_a_killed_worker_loses_and_doubles_nothing(
     count = tmp_path / "count"
     count.mkdir()
     cloudpickle.register_pickle_by_value(sys.modules[__name__])  # workers cannot import the tests
+    given = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "security": True}
+    files = {"ca-file": "ca_file", "client.cert": "client_cert", "client.key": "client_key"}
     with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", security=True
-        ) as cluster,
+        distributed.LocalCluster(**given) as cluster,
         distributed.Client(cluster) as client,
         dask.config.set(
-            {
-                "distributed.comm.tls.ca-file": cluster.security.tls_ca_file,
-                "distributed.comm.tls.client.cert": cluster.security.tls_client_cert,
-                "distributed.comm.tls.client.key": cluster.security.tls_client_key,
-            }
+            {f"distributed.comm.tls.{k}": getattr(cluster.security, f"tls_{v}") for k, v in files.items()}
         ),
     ):
         client.register_plugin(Dies("D-A/03.tlog", times, count))

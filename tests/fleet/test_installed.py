@@ -8,12 +8,12 @@ import pytest
 
 from mavhums.app.analysis import analyse
 from tests.conftest import Run
-from tests.fleet_logs import moved, small
+from tests.fleet_logs import small
 
 pytest.importorskip("distributed")
 
 from mavhums import Options, fleet
-from tests.fleet.stores import verdicts_of
+from tests.fleet.stores import verdicts_of, write_logs
 
 FLIGHTS = 14
 SWAPPED = "2026-01-03"
@@ -21,12 +21,9 @@ SWAPPED = "2026-01-03"
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    folder = tmp_path_factory.mktemp("installed")
-    paths = [folder / f"{day:02}.tlog" for day in range(FLIGHTS)]
-    for day, path in enumerate(paths):
-        worn = 0.25 if day == FLIGHTS - 1 else None
-        path.write_bytes(moved(small(day % 3, worn, surface="rudder"), 86_400.0 * day))
-    return paths
+    worn = [*[None] * (FLIGHTS - 1), 0.25]
+    flown = [small(day % 3, friction, surface="rudder") for day, friction in enumerate(worn)]
+    return sorted(write_logs(tmp_path_factory.mktemp("installed"), *flown).iterdir())
 
 
 @pytest.fixture
@@ -57,8 +54,7 @@ def test_a_fleet_with_a_table_says_what_single_commands_say(
     assert fleet.status(store).judged == FLIGHTS
     assert fleet.scan(logs, store, plain) == (0, 0, FLIGHTS)
     assert verdicts_of(store, "D-A", "D-B") == expected
-    swapped = table.read_text().replace(SWAPPED, "2026-01-08")
-    table.write_text(swapped)
+    table.write_text(table.read_text().replace(SWAPPED, "2026-01-08"))
     assert fleet.scan(logs, store, given) == (0, 0, FLIGHTS)
     assert verdicts_of(store, "D-B") == {str(logs[-1]): expected[str(logs[-1])]}
     assert verdicts_of(store, "D-A")[str(logs[12])] != expected[str(logs[12])]

@@ -12,28 +12,24 @@ from pathlib import Path
 import pytest
 
 import mavhums
-from mavhums import Options, fleet
+from mavhums import fleet
 from mavhums.core.errors import ExitCode, MavhumsError
 from tests.conftest import Run
-from tests.fleet.stores import table
+from tests.fleet.stores import FOLDER, table, verdicts_of, write_logs
 from tests.fleet_logs import moved, small
 
 FLIGHTS = 11
-DAY_S = 86_400.0
 
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a store of healthy flights, and the log of a worn one that is not in it."""
     folder = tmp_path_factory.mktemp("landing")
-    (folder / "D-A").mkdir()
-    for day in range(FLIGHTS):
-        (folder / "D-A" / f"{day:02}.tlog").write_bytes(moved(small(day % 2), DAY_S * day))
-    options = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=0)
-    assert fleet.scan([folder / "D-A"], folder / "store", options) == (FLIGHTS, 0, 0)
-    (folder / "D-A" / "landed.tlog").write_bytes(moved(small(8, 0.3), DAY_S * FLIGHTS))
+    write_logs(folder / "D-A", *(small(day % 2) for day in range(FLIGHTS)))
+    assert fleet.scan([folder / "D-A"], folder / "store", FOLDER) == (FLIGHTS, 0, 0)
+    (folder / "D-A" / "landed.tlog").write_bytes(moved(small(8, 0.3), 86_400.0 * FLIGHTS))
     shutil.copy(folder / "store", folder / "scanned")
-    assert fleet.scan([folder / "D-A" / "landed.tlog"], folder / "scanned", options).judged == 1
+    assert fleet.scan([folder / "D-A" / "landed.tlog"], folder / "scanned", FOLDER).judged == 1
     return folder
 
 
@@ -47,10 +43,6 @@ def row(store: Path, log: Path) -> dict[str, object]:
     return {name: value for name, value in found.items() if name != "came_us"}
 
 
-def verdicts(store: Path, log: Path) -> list[str]:
-    return sorted(one.model_dump_json() for path, one in fleet.verdicts(store, "D-A") if path == str(log))
-
-
 def told(content: str) -> list[str]:
     """The verdicts of an assessment as JSON."""
     assessment = mavhums.Assessment.model_validate_json(content)
@@ -61,7 +53,7 @@ def test_a_log_is_judged_by_the_flights_in_a_store(run: Run, kept: Path, store: 
     log = kept / "D-A" / "landed.tlog"
     outcome = run("analyse", log, "--store", store, "--aircraft", "folder", "--json")
     assert outcome.code == ExitCode.DEGRADED
-    assert told(outcome.out) == verdicts(kept / "scanned", log)
+    assert told(outcome.out) == verdicts_of(kept / "scanned", "D-A")[str(log)]
     assert "friction_drift" in outcome.out
     assert json.loads(outcome.out)["log"]["flight"][0]["aircraft"] == "D-A"
     assert fleet.status(store).judged == FLIGHTS  # nothing was written
@@ -85,7 +77,8 @@ def test_a_log_is_kept_as_a_scan_keeps_it(run: Run, kept: Path, store: Path) -> 
     command = ("analyse", log, "--store", store, "--keep", "--aircraft", "folder", "--json")
     first, again = run(*command), run(*command)
     assert first == again
-    assert told(first.out) == verdicts(store, log) == verdicts(kept / "scanned", log)
+    kept_both = [verdicts_of(one, "D-A")[str(log)] for one in (store, kept / "scanned")]
+    assert kept_both == [told(first.out)] * 2
     assert first.code == ExitCode.DEGRADED
     assert row(store, log) == row(kept / "scanned", log)
     assert fleet.scan([log], store, fleet.ScanOptions(workers=0)) == (0, 0, 1)

@@ -19,12 +19,12 @@ from mavhums.flights.aircraft import AircraftResolver
 from mavhums.flights.store import LogFile
 from mavhums.results.assessment import Assessment
 from tests.conftest import Run
-from tests.fleet.stores import table
+from tests.fleet.stores import FOLDER, table
 from tests.fleet_logs import moved, small
 
 FLIGHTS = 3
 DAY_S = 86_400.0
-OPTIONS = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=0)
+
 NAMES = [f"D-{letter}/{day}.tlog" for letter in "AB" for day in range(FLIGHTS)]
 
 
@@ -72,7 +72,7 @@ def told(store: Path, root: str | Path) -> list[Any]:
 
 @pytest.mark.slow
 def test_the_rows_are_those_of_a_folder(run: Run, folder: Path, there: str, tmp_path: Path) -> None:
-    assert fleet.scan([folder / "D-A", folder / "D-B"], tmp_path / "expected", OPTIONS) == (6, 1, 0)
+    assert fleet.scan([folder / "D-A", folder / "D-B"], tmp_path / "expected", FOLDER) == (6, 1, 0)
     command = ("fleet", "scan", f"{there}/", "--store", tmp_path / "store", "--aircraft", "folder", "--json")
     outcome = run(*command)
     assert json.loads(outcome.out) == {"judged": 6, "failed": 1, "known": 0, "foreign_boards": []}
@@ -115,13 +115,13 @@ def test_a_log_that_vanishes_is_a_row_and_is_tried_again(there: str, folder: Pat
             put(f"{there}/D-B/1.tlog", None)
             put(f"{there}/D-B/2.tlog", b"shorter")
 
-    assert fleet.scan([there], tmp_path / "store", OPTIONS, progress=remove) == (4, 3, 0)
+    assert fleet.scan([there], tmp_path / "store", FOLDER, progress=remove) == (4, 3, 0)
     failures = {one.problem: one.remedy for one in fleet.status(tmp_path / "store").failures}
     assert "scan again" in failures[f"{there}/D-B/1.tlog: is no longer there"]
     assert f"{there}/D-B/2.tlog: changed while it was scanned" in failures
     for name in ("D-B/1.tlog", "D-B/2.tlog"):
         put(f"{there}/{name}", (folder / name).read_bytes())
-    assert fleet.scan([there], tmp_path / "store", OPTIONS)[:2] == (2, 0)
+    assert fleet.scan([there], tmp_path / "store", FOLDER)[:2] == (2, 0)
     assert len(fleet.status(tmp_path / "store").failures) == 1
     assert len(fleet.verdicts(tmp_path / "store", "D-B")) == 4 * FLIGHTS
 
