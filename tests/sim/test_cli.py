@@ -7,6 +7,7 @@ import os
 import runpy
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,12 +16,18 @@ from mavhums_sim.validation import Check
 from tests.conftest import Run
 
 
+def truth_of(log: Path) -> dict[str, Any]:
+    """The truth beside a log of one flight."""
+    [flight] = json.loads(log.with_suffix(".truth.json").read_text())["flights"]
+    return dict(flight)
+
+
 def test_flight_writes_a_log_and_its_truth(tmp_path: Path, simulate: Run) -> None:
     log = tmp_path / "flight.tlog"
     options = "--friction elevator=0.225..1.0 --friction rudder=0.9 --duration 2 --seed 7"
     outcome = simulate("flight", "-o", log, *options.split())
     assert outcome.code == 0
-    truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
+    truth = truth_of(log)
     assert truth["seed"] == 7
     assert truth["actuators"]["elevator"]["friction_nm"] == {"start": 0.225, "end": 1.0}
     assert truth["actuators"]["rudder"]["friction_nm"] == {"start": 0.9, "end": 0.9}
@@ -42,13 +49,6 @@ def test_a_flight_into_a_device_leaves_the_device(tmp_path: Path) -> None:
     write_tlog(fly(Flight(seed=1, duration_s=1.0)), link)
     assert link.is_symlink()
     assert [path.name for path in sorted(tmp_path.iterdir())] == ["link.tlog", "real.tlog"]
-
-
-def test_campaign_writes_its_folder(tmp_path: Path, simulate: Run) -> None:
-    outcome = simulate("campaign", "paper", "-o", tmp_path / "logs", "--duration", "1")
-    assert outcome.code == 0
-    assert len(list((tmp_path / "logs").glob("*.tlog"))) == 9
-    assert "9 flights of 1 s" in outcome.out
 
 
 @pytest.mark.parametrize(
@@ -101,26 +101,22 @@ def test_friction_is_integrated_as_the_paper_says(tmp_path: Path, simulate: Run)
         log = tmp_path / f"{method}.tlog"
         asked = ("--duration", "5", "--friction-method", method, "--fault", "rudder=jam:10@1..2")
         assert simulate("flight", "-o", log, *asked).code == 0
-        told.append(json.loads(log.with_suffix(".truth.json").read_text()))
-    moved = [truth["flights"][0]["actuators"]["elevator"]["moving_fraction"] for truth in told]
+        told.append(truth_of(log)["actuators"])
+    moved = [truth["elevator"]["moving_fraction"] for truth in told]
     assert moved[0] != moved[1]
     assert moved[0] == pytest.approx(moved[1], abs=0.05)
-    assert told[0]["flights"][0]["actuators"]["rudder"]["conditions"][0]["until_s"] == 2.0
+    assert told[0]["rudder"]["conditions"][0]["until_s"] == 2.0
 
 
 def test_flight_takes_faults_individuals_and_a_link(tmp_path: Path, simulate: Run) -> None:
     log = tmp_path / "flight.tlog"
-    options = (
-        "--duration 2 --fault rudder=jam:10@1 --fault rudder=backlash:0..0.3 --model two-mass --mavlink 1"
-    )
-    options += " --aircraft 3 --cyclogram gusts --esc-side bus --loss 0.2"
+    options = "--duration 2 --fault rudder=jam:10@1 --fault rudder=backlash:0..0.3 --model two-mass"
+    options += " --mavlink 1 --aircraft 3 --cyclogram gusts --esc-side bus --loss 0.2"
     assert simulate("flight", "-o", log, *options.split()).code == 0
-    truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
+    truth = truth_of(log)
     rudder = truth["actuators"]["rudder"]
-    assert [(c["fault"], c["start"], c["end"], c["at_s"]) for c in rudder["conditions"]] == [
-        ("jam", 10.0, 10.0, 1.0),
-        ("backlash", 0.0, 0.3, 0.0),
-    ]
+    faults = [("jam", 10.0, 10.0, 1.0), ("backlash", 0.0, 0.3, 0.0)]
+    assert [(c["fault"], c["start"], c["end"], c["at_s"]) for c in rudder["conditions"]] == faults
     assert (truth["cyclogram"], truth["model"], truth["esc_side"]) == ("gusts", "two-mass", "bus")
     assert rudder["individual"]["viscous"] > 0
     assert "DEBUG_FLOAT_ARRAY" not in truth["messages"]
@@ -131,7 +127,7 @@ def test_flight_reports_in_the_tiers_asked_for(tmp_path: Path, simulate: Run) ->
     log = tmp_path / "flight.tlog"
     tiers = ["--tier", "esc-signed", "--tier", "named", "--reboot", "0.5", "--clock-drift", "50"]
     assert simulate("flight", "-o", log, "--duration", "4", *tiers).code == 0
-    truth = json.loads((tmp_path / "flight.truth.json").read_text())["flights"][0]
+    truth = truth_of(log)
     assert {"ESC_STATUS", "NAMED_VALUE_FLOAT"} <= set(truth["messages"])
     assert not {"DEBUG_FLOAT_ARRAY", "SERVO_OUTPUT_RAW"} & set(truth["messages"])
     assert truth["tiers"] == ["esc-signed", "named"]
@@ -142,7 +138,7 @@ def test_flight_replays_a_log_as_long_as_it_lasts(tmp_path: Path, simulate: Run)
     assert simulate("flight", "-o", first, "--duration", "4").code == 0
     outcome = simulate("flight", "-o", second, "--replay", first, "--hold")
     assert outcome.code == 0
-    truth = json.loads((tmp_path / "second.truth.json").read_text())["flights"][0]
+    truth = truth_of(second)
     assert truth["cyclogram"] == "replay of first.tlog"
     assert truth["duration_s"] == pytest.approx(4.0, abs=0.1)
     assert "elevator from output 3" in outcome.err
@@ -154,8 +150,7 @@ def test_flight_replays_a_log_as_long_as_it_lasts(tmp_path: Path, simulate: Run)
 
 
 def test_stream_sends_the_flight(simulate: Run) -> None:
-    arguments = ("stream", "udpout:127.0.0.1:9", "--duration", "1", "--speed", "100")
-    outcome = simulate(*arguments)
+    outcome = simulate("stream", "udpout:127.0.0.1:9", "--duration", "1", "--speed", "100")
     assert outcome.code == 0
     assert "DEBUG_FLOAT_ARRAY 400" in outcome.out
     assert "HEARTBEAT 1" in outcome.out
@@ -198,13 +193,14 @@ def test_interrupt_exits_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, si
     assert "stopped" in outcome.err
 
 
-def test_progress_bar_only_on_a_terminal(
+def test_a_campaign_writes_its_folder_and_a_progress_bar_on_a_terminal_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, simulate: Run
 ) -> None:
     arguments = ("campaign", "paper", "-o", tmp_path, "--duration", "1")
     outcome = simulate(*arguments)
-    assert outcome.code == 0
-    assert not outcome.err
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "9 flights of 1 s" in outcome.out
+    assert len(list(tmp_path.glob("*.tlog"))) == 9
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TTY_COMPATIBLE", "1")
     outcome = simulate(*arguments)

@@ -8,30 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from mavhums import analyse, read_log
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from mavhums_sim import Flight, FlightRecord, fly, write_dataflash, write_tlog
-from mavhums_sim.cli import cli
 from mavhums_sim.link import BOOT_US, EPOCH_US
+from tests.conftest import Run
 from tests.log.dataflash.peer import by_dfreader, differing_columns
+from tests.present import present
 
 UNTOLD_BY_CSRV = [1, 5, 7, 8, 10, 11]  # but V7, which follows from V10
 
 
 @pytest.fixture(scope="module")
 def record() -> FlightRecord:
-    return fly(
-        Flight(
-            seed=11,
-            duration_s=40.0,
-            rate_hz=50.0,
-            friction_nm={"elevator": (1.0, 1.0), "rudder": (0.6, 0.6)},
-            tiers=("csrv", "pwm"),
-        )
-    )
+    worn = {"elevator": (1.0, 1.0), "rudder": (0.6, 0.6)}
+    return fly(Flight(11, 40.0, worn, rate_hz=50.0, tiers=("csrv", "pwm")))
 
 
 @pytest.fixture(scope="module")
@@ -60,15 +53,14 @@ def test_the_date_is_the_flights(on_board: Path) -> None:
     assert not log.losses.any
 
 
-def test_what_no_on_board_log_carries_is_refused(tmp_path: Path) -> None:
+def test_what_no_on_board_log_carries_is_refused(simulate: Run, tmp_path: Path) -> None:
     path = tmp_path / "flight.BIN"
     with pytest.raises(ValueError, match="no tier 'instrumented'"):
         write_dataflash(fly(Flight(duration_s=2.0)), path)
     assert not path.exists()
-    arguments = ["flight", "-o", str(path), "--duration", "2", "--tier", "instrumented"]
-    refused = CliRunner().invoke(cli, arguments)
-    assert refused.exit_code == 2
-    assert "no tier" in refused.output
+    refused = simulate("flight", "-o", path, "--duration", "2", "--tier", "instrumented")
+    assert refused.code == 2
+    assert "no tier" in refused.err
 
 
 def by_actuator(assessment: Assessment) -> dict[str, Verdict]:
@@ -80,19 +72,13 @@ def test_a_flight_recorded_twice_gets_the_same_verdicts(
     record: FlightRecord, on_board: Path, tmp_path: Path
 ) -> None:
     """The telemetry log carries what CSRV carries, and nothing else of the actuators."""
-    actuators = {}
-    for surface, flown in record.actuators.items():
-        values = flown.values.copy()
-        values[:, UNTOLD_BY_CSRV] = np.nan
-        actuators[surface] = replace(flown, values=values)
-    told = replace(record, actuators=actuators)
-    told = replace(told, flight=replace(record.flight, tiers=("instrumented", "pwm")))
-    sent = tmp_path / "flight.tlog"
-    write_tlog(told, sent)
-    ours, theirs = by_actuator(analyse(on_board)), by_actuator(analyse(sent))
-    assert {name: verdict.condition for name, verdict in ours.items()} == {
-        "aileron_left": "normal",
-        "aileron_right": "normal",
+    untold = np.where(np.isin(np.arange(12), UNTOLD_BY_CSRV), np.nan, 1.0)
+    actuators = {name: replace(one, values=one.values * untold) for name, one in record.actuators.items()}
+    flight = replace(record.flight, tiers=("instrumented", "pwm"))
+    write_tlog(replace(record, actuators=actuators, flight=flight), tmp_path / "flight.tlog")
+    ours, theirs = by_actuator(analyse(on_board)), by_actuator(analyse(tmp_path / "flight.tlog"))
+    healthy = dict.fromkeys(("aileron_left", "aileron_right"), "normal")
+    assert {name: verdict.condition for name, verdict in ours.items()} == healthy | {
         "elevator": "emergency",
         "rudder": "degraded",
     }
@@ -100,16 +86,14 @@ def test_a_flight_recorded_twice_gets_the_same_verdicts(
         other = theirs[name]
         assert (verdict.condition, verdict.worst) == (other.condition, other.worst)
         assert verdict.tier == "csrv"
-        assert verdict.friction_nm is not None
-        assert other.friction_nm is not None
-        assert verdict.friction_nm.estimate == pytest.approx(other.friction_nm.estimate, abs=0.01)
+        estimates = [present(one.friction_nm).estimate for one in (verdict, other)]
+        assert estimates[0] == pytest.approx(estimates[1], abs=0.01)
         assert {s.fault for s in verdict.suspects} == {s.fault for s in other.suspects}
 
 
-def test_the_command_line_writes_one(tmp_path: Path) -> None:
+def test_the_command_line_writes_one(simulate: Run, tmp_path: Path) -> None:
     path = tmp_path / "flight.BIN"
-    done = CliRunner().invoke(cli, ["flight", "-o", str(path), "--duration", "3"])
-    assert done.exit_code == 0
+    assert simulate("flight", "-o", path, "--duration", "3").code == 0
     truth = json.loads((tmp_path / "flight.truth.json").read_text())
     assert truth["flights"][0]["tiers"] == ["csrv", "esc-unsigned", "pwm"]
     assert len(read_log(path).tables["CSRV"]) == 1200

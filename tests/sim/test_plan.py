@@ -20,31 +20,14 @@ tiers = ["esc-signed", "pwm"]
 individuals = true
 cyclograms = ["takeoff", "gusts"]
 surfaces = ["elevator", "rudder"]
-
-[[conditions]]
-fault = "none"
-
-[[conditions]]
-fault = "backlash"
-severity = [0.2, 0.4]
-onset = "growing"
-at_s = 1.0
-
-[[conditions]]
-fault = "jam"
-severity = 10
-onset = "step"
-at_s = 2
-
-[data_sheet]
-nominal_torque_nm = 2.0
-
-[rates]
-esc = 4
-
-[link]
-loss = 0.1
-key = "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f"
+data_sheet = {nominal_torque_nm = 2.0}
+rates = {esc = 4}
+link = {loss = 0.1, key = "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f"}
+conditions = [
+    {fault = "none"},
+    {fault = "backlash", severity = [0.2, 0.4], onset = "growing", at_s = 1.0},
+    {fault = "jam", severity = 10, onset = "step", at_s = 2},
+]
 """
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
+import importlib
 import json
-import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -16,15 +16,10 @@ from mavhums_sim.closed_loop import SurfaceFault
 
 
 @pytest.fixture(scope="module")
-def flights() -> ModuleType:
-    path = Path(__file__).parents[3] / "benchmarks" / "_closed_loop.py"
-    spec = importlib.util.spec_from_file_location("_closed_loop", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["_closed_loop"] = module
-    spec.loader.exec_module(module)
-    return module
+def flights() -> Iterator[ModuleType]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).parents[3] / "benchmarks"))
+        yield importlib.import_module("_closed_loop")
 
 
 def test_campaigns_cover_what_they_say(flights: ModuleType) -> None:
@@ -34,12 +29,8 @@ def test_campaigns_cover_what_they_say(flights: ModuleType) -> None:
     assert {planned.flight.mission for planned in jams} == {"waypoints", "loiter", "heading", "manual"}
     left = {round(fault.value, 3) for planned in flights.losses() for fault in planned.flight.faults}
     assert left == {0.0, 0.2, 0.4, 0.6, 0.8}
-    assert {c.kind for p in flights.confounders() for c in p.flight.confounders} == {
-        "engine",
-        "airspeed",
-        "wind",
-        "gps",
-    }
+    met = {confounder.kind for planned in flights.confounders() for confounder in planned.flight.confounders}
+    assert met == {"engine", "airspeed", "wind", "gps"}
     assert sum(planned.flight.duration_s for planned in flights.healthy(5.0)) == pytest.approx(5.0 * 3600.0)
     assert len({planned.name for planned in jams}) == len(jams)
     assert list(flights.healthy(1.0, seed=1)) != list(flights.healthy(1.0, seed=2))

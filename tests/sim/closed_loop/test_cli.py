@@ -52,10 +52,7 @@ def test_a_fault_of_an_ema_brings_the_emas_and_their_telemetry(tmp_path: Path, s
         (["--closed-loop", "--surface-fault", "rudder=slow:-1"], "impossible"),
         (["--closed-loop", "--surface-fault", "rudder=freeze@9..5"], "begin before it ends"),
         (["--closed-loop", "--surface-fault", "flap=freeze"], "no surface 'flap'"),
-        (
-            ["--closed-loop", "--surface-fault", "rudder=freeze", "--surface-fault", "rudder=float"],
-            "one fault a surface",
-        ),
+        (["--closed-loop", *["--surface-fault", "rudder=freeze"] * 2], "one fault a surface"),
         (["--closed-loop", "--mission", "aerobatics"], "no mission"),
         (["--closed-loop", "--autopilot", "inav"], "no flavour"),
         (["--closed-loop", "--duration", "5"], "at least 10 s"),

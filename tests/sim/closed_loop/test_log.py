@@ -42,13 +42,8 @@ def fields(log: Log, name: str, *names: str) -> np.ndarray[Any, Any]:
 
 @pytest.fixture(scope="module", params=["ardupilot", "px4"])
 def flown(request: pytest.FixtureRequest) -> FlownLoop:
-    met = (Confounder("gps", 2.0, 45.0, 50.0),)
-    flight = ClosedLoop(seed=6, airframe=6, duration_s=60.0, flavour=request.param, air=Air(4.0, 20.0, 9.0))
-    return fly_closed_loop(ClosedLoop(**{**_as_dict(flight), "confounders": met}))
-
-
-def _as_dict(flight: ClosedLoop) -> dict[str, Any]:
-    return {name: getattr(flight, name) for name in flight.__slots__}
+    met: dict[str, Any] = {"air": Air(4.0, 20.0, 9.0), "confounders": (Confounder("gps", 2.0, 45.0, 50.0),)}
+    return fly_closed_loop(ClosedLoop(seed=6, airframe=6, duration_s=60.0, flavour=request.param, **met))
 
 
 @pytest.fixture(scope="module")
@@ -105,9 +100,7 @@ def test_accelerometers_show_gravity_at_rest_and_lift_in_flight(flown: FlownLoop
 
 def test_pulses_follow_the_parameters(flown: FlownLoop, log: Log) -> None:
     outputs = Outputs.of(flown)
-    rows = fields(
-        log, "SERVO_OUTPUT_RAW", "time_usec", "servo1_raw", "servo2_raw", "servo3_raw", "servo5_raw"
-    )
+    rows = fields(log, "SERVO_OUTPUT_RAW", "time_usec", *(f"servo{n}_raw" for n in (1, 2, 3, 5)))
     times = rows[:, 0] / 1e6 - 30.0
     flying = times > flown.time_s[0] + 0.1
     index = ((times[flying] - flown.time_s[0]) / 0.01).astype(int)
