@@ -13,6 +13,7 @@ import pytest
 
 from mavhums.core.errors import ExitCode
 from mavhums.fleet import digest, worst
+from mavhums.results.assessment import Assessment
 from mavhums.results.standing import FleetDigest
 from mavhums.show.standing import digest_blocks
 from mavhums.show.terminal import plain
@@ -27,15 +28,10 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fleet") / "store"
     rng = np.random.default_rng(2)
 
-    def flights(name: str, days: int, slope: float) -> list:  # type: ignore[type-arg]
-        return [
-            flown(
-                verdict(shown(0.215 + slope * day + 0.006 * float(rng.standard_normal()))),
-                day=day,
-                name=f"{name}-{day}",
-            )
-            for day in range(days)
-        ]
+    def flights(name: str, days: int, slope: float) -> list[Assessment]:
+        values = 0.215 + slope * np.arange(days) + 0.006 * rng.standard_normal(days)
+        verdicts = [verdict(shown(value)) for value in values.tolist()]
+        return [flown(one, day=day, name=f"{name}-{day}") for day, one in enumerate(verdicts)]
 
     grows, still = flights("G", 40, 0.005), flights("S", 20, 0.0)
     for days in (5, 24, 40):

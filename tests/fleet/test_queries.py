@@ -22,11 +22,12 @@ from mavhums.flights.queries import exit_code
 from mavhums.flights.store import Store
 from mavhums.flights.trends import trend_report
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import Interval, OwnRecord
+from mavhums.results.verdict import Interval, OwnRecord, Verdict
 from tests.conftest import Run
 from tests.fleet.stores import write_store
 from tests.flights import START, flown, shown, verdict
 
+Made = tuple[Path, dict[str, list[Assessment]]]
 CONDITIONS: tuple[Condition, ...] = ("normal", "degraded", "undecided", "emergency", "unchanged")
 
 
@@ -35,13 +36,14 @@ def flights(seed: int, count: int, *, dated: bool = True) -> list[Assessment]:
     rng = random.Random(seed)
     days = rng.sample(range(100), count)
     made = []
+
+    def judged(name: str) -> Verdict:
+        one = verdict(shown(rng.uniform(0.2, 0.3)), actuator=name, condition=rng.choice(CONDITIONS))
+        friction = Interval(estimate=rng.uniform(0.2, 0.9), low=0.1, high=1.0)
+        return one.model_copy(update={"friction_nm": friction})
+
     for day in days:
-        verdicts = [
-            verdict(shown(rng.uniform(0.2, 0.3)), actuator=name, condition=rng.choice(CONDITIONS)).model_copy(
-                update={"friction_nm": Interval(estimate=rng.uniform(0.2, 0.9), low=0.1, high=1.0)}
-            )
-            for name in ("elevator", "rudder's")
-        ]
+        verdicts = [judged("elevator"), judged("rudder's")]
         flight = flown(*verdicts, day=day, name=f"{seed}-{day}'s")
         undated = flight.log.model_copy(update={"start_utc": None})
         made.append(flight if dated else flight.model_copy(update={"log": undated}))
@@ -49,7 +51,7 @@ def flights(seed: int, count: int, *, dated: bool = True) -> list[Assessment]:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[Assessment]]]:
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     store = tmp_path_factory.mktemp("made") / "store"
     known = {"D'A": flights(1, 7), "D-B": flights(2, 5), "": flights(3, 3) + flights(4, 2, dated=False)}
     write_store(store, known)
@@ -70,9 +72,9 @@ def test_a_damaged_store_is_an_error_of_every_command(run: Run, tmp_path: Path, 
             base.execute("UPDATE standing SET standings = '[{'")
         base.close()
     else:
-        content = bytearray(store.read_bytes())
-        content[:: 1 if damage == "header" else 2] = bytes(len(content[:: 1 if damage == "header" else 2]))
-        store.write_bytes(b"S" + bytes(content[1:]) if damage == "header" else bytes(content))
+        content = store.read_bytes()
+        every_other = bytes(byte * (k % 2) for k, byte in enumerate(content))
+        store.write_bytes(every_other if damage == "page" else b"S" + bytes(len(content) - 1))
     for *command, last in COMMANDS:
         if damage == "text" and "trend" in command:  # it asks the flights alone
             continue
@@ -84,9 +86,7 @@ def test_a_damaged_store_is_an_error_of_every_command(run: Run, tmp_path: Path, 
         assert len(told.err.splitlines()) == 2
 
 
-def test_a_flight_is_told_with_its_verdicts_or_is_none(
-    made: tuple[Path, dict[str, list[Assessment]]],
-) -> None:
+def test_a_flight_is_told_with_its_verdicts_or_is_none(made: Made) -> None:
     store, known = made
     for one in known["D'A"][:2]:
         told = queries.flight(store, "D'A", one.log.sha256 or "")
@@ -111,7 +111,7 @@ def last_flights(known: dict[str, list[Assessment]]) -> list[tuple[str, str, str
     return [row for _, row in sorted(rows)]
 
 
-def test_worst_is_every_actuator_in_its_last_flight(made: tuple[Path, dict[str, list[Assessment]]]) -> None:
+def test_worst_is_every_actuator_in_its_last_flight(made: Made) -> None:
     store, known = made
     expected = last_flights(known)
     found = [(one.aircraft or "", one.log, one.verdict.actuator) for one in fleet.worst(store)]
@@ -131,9 +131,7 @@ def test_worst_is_every_actuator_in_its_last_flight(made: tuple[Path, dict[str, 
     assert exit_code(store) in (ExitCode.EMERGENCY, ExitCode.DEGRADED)
 
 
-def test_a_trend_is_that_of_the_same_flights_in_memory(
-    made: tuple[Path, dict[str, list[Assessment]]],
-) -> None:
+def test_a_trend_is_that_of_the_same_flights_in_memory(made: Made) -> None:
     store, known = made
     expected = trend_report(map(PastFlight.of, known["D'A"]))
     assert fleet.trend(store, "D'A").to_json() == expected.to_json()
@@ -144,9 +142,7 @@ def test_a_trend_is_that_of_the_same_flights_in_memory(
         fleet.trend(store, "")
 
 
-def test_the_example_dashboard_asks_what_the_store_has(
-    made: tuple[Path, dict[str, list[Assessment]]],
-) -> None:
+def test_the_example_dashboard_asks_what_the_store_has(made: Made) -> None:
     store, known = made
     board = json.loads((EXAMPLES / "grafana.json").read_text(encoding="utf-8"))
     asked = [panel["targets"][0]["rawSql"] for panel in board["panels"]]
@@ -161,7 +157,7 @@ def test_the_example_dashboard_asks_what_the_store_has(
     assert (failed, [row.name for row in names]) == ([], ["D'A", "D-B"])
 
 
-def test_no_question_reads_a_whole_table(made: tuple[Path, dict[str, list[Assessment]]]) -> None:
+def test_no_question_reads_a_whole_table(made: Made) -> None:
     asked: list[tuple[str, Any]] = []
 
     def note(*given: Any) -> None:

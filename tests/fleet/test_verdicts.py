@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -48,12 +47,8 @@ def on(
     boot, end = start + timedelta(seconds=boot_s), start + timedelta(seconds=log.duration_s)
     times = {"boot_utc": boot.isoformat(), "start_utc": start.isoformat(), "end_utc": end.isoformat()}
     name = name or f"{day:06.2f}"
-    changed = {
-        "path": f"{name}.tlog",
-        "sha256": name,
-        "start_utc": start.isoformat(),
-        "flight": (identity().model_copy(update=times),),
-    }
+    flown = (identity().model_copy(update=times),)
+    changed = {"path": f"{name}.tlog", "sha256": name, "start_utc": start.isoformat(), "flight": flown}
     verdicts = list(kind.assessment.verdicts)
     if own:
         learning = {"condition": "learning", "worst": "learning", "indicators": ()}
@@ -78,26 +73,13 @@ def fleet_of(kinds: Sequence[StandaloneAssessment], seed: int) -> list[Standalon
     return [*flights, kinds[0]._replace(assessment=kinds[0].assessment.model_copy(update={"log": undated}))]
 
 
-def _before(taken: Callable[..., Any]) -> Callable[..., Any]:
-    def of(history: list[PastFlight], airframe: str | None, before: datetime) -> Any:
-        return taken(history, airframe, before)
-
-    return of
-
-
-def sequential(
-    flights: Sequence[StandaloneAssessment],
-) -> tuple[Told, dict[str, str]]:
+def sequential(flights: Sequence[StandaloneAssessment]) -> tuple[Told, dict[str, str]]:
     """Judge each flight by the whole history before it; return the verdicts by log, and the copies."""
     history: list[PastFlight] = []
     told: Told = {}
     for flight in flights:
         start = flight.assessment.log.start_utc
-        assessment = compared(
-            flight,
-            partial(_before(baselines_of), history),
-            partial(_before(records_of), history),
-        )
+        assessment = compared(flight, partial(baselines_of, history), partial(records_of, history))
         told[assessment.log.path or ""] = sorted(one.model_dump_json() for one in assessment.verdicts)
         if start:
             history.append(PastFlight.of(assessment))
