@@ -30,6 +30,7 @@ from tests.links import Mishap, records, rewritten
 
 pytest.importorskip("jsbsim", reason="the closed loop needs the extra 'sim'")
 
+pytestmark = pytest.mark.slow
 OF_BOOT, OF_USEC = (30, 33, 116), (27, 36)  # ATTITUDE, GLOBAL_POSITION_INT, SCALED_IMU2; RAW_IMU, outputs
 STAMPED = (*OF_BOOT, *OF_USEC)
 UNSTAMPED = (0, 62, 74)  # HEARTBEAT, NAV_CONTROLLER_OUTPUT, VFR_HUD
@@ -98,7 +99,6 @@ LATENCIES = st.fixed_dictionaries(dict.fromkeys(STAMPED, SECONDS))
 RATES = st.sampled_from([0.8, 1.0, 1.25])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["healthy", "lost"])
 @given(disturbed=st.builds(mishap, LATENCIES, SECONDS, st.sampled_from([0.0, 0.5]), RATES))
 @settings(max_examples=6, phases=(Phase.explicit, Phase.generate))
@@ -116,7 +116,6 @@ def test_latency_backlog_clock_rate_and_order_change_nothing(kind: str, disturbe
     assert not {"ATTITUDE", "RAW_IMU", "SERVO_OUTPUT_RAW", "GLOBAL_POSITION_INT"} & dropped
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["healthy", "lost"])
 @given(
     latency=st.fixed_dictionaries(dict.fromkeys(UNSTAMPED, st.floats(0.0, 2.0))),
@@ -149,7 +148,6 @@ def friction(disturbed: str = "{}") -> dict[str, tuple[str, float]]:
     return {v.actuator: (v.worst, v.friction_nm.estimate) for v in verdicts if v.friction_nm is not None}
 
 
-@pytest.mark.slow
 @given(outputs_s=SECONDS, escs_s=SECONDS, others_s=SECONDS)
 @example(outputs_s=0.5, escs_s=4.0, others_s=4.5)
 @settings(max_examples=6, phases=(Phase.explicit, Phase.generate))

@@ -12,6 +12,7 @@ from tests.engine.test_axes import of
 from tests.engine.wired import PLANE, PX4_PLANE, Wired
 from tests.judge import judged
 
+pytestmark = pytest.mark.slow
 Form = Literal["tlog", "dataflash", "ulog"]
 _MAP = {f"RC_MAP_{axis}": float(n) for axis, n in (("ROLL", 1), ("PITCH", 2), ("YAW", 4))}
 
@@ -20,7 +21,6 @@ def roll(flight: Wired, form: Form) -> Verdict:
     return of(judged(getattr(flight, form)())[0], "roll")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("form", ["tlog", "dataflash", "ulog"])
 @pytest.mark.parametrize("left", [1.0, 0.4])
 def test_the_receivers_channels_are_the_command(form: Form, left: float) -> None:
@@ -34,14 +34,12 @@ def test_the_receivers_channels_are_the_command(form: Form, left: float) -> None
     assert by_receiver.provenance["V1"].startswith("the receiver's channels")
 
 
-@pytest.mark.slow
 def test_outputs_that_come_are_the_command_from_then_on() -> None:
     found = roll(Wired(seconds=300, idle_us=0, until_s=80.0), "tlog")
     assert found.surfaces == ("aileron (servo 1)",)
     assert found.condition == "unchanged"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("idle_us", "parameters", "code"), [(0, {}, "only_receiver"), (1500, PLANE, "by_receiver")]
 )
