@@ -75,14 +75,16 @@ class Cost:
     shutdown_s: float
 
 
+def sent(message: v2.MAVLink_message, system: int, component: int = 1) -> bytes:
+    return bytes(message.pack(v2.MAVLink(None, srcSystem=system, srcComponent=component)))
+
+
 def heartbeat(system: int, component: int) -> bytes:
-    voice = v2.MAVLink(None, srcSystem=system, srcComponent=component)
-    return bytes(v2.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3).pack(voice))
+    return sent(v2.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3), system, component)
 
 
 def attitude(system: int, component: int) -> bytes:
-    voice = v2.MAVLink(None, srcSystem=system, srcComponent=component)
-    return bytes(v2.MAVLink_attitude_message(1000, 0, 0, 0, 0, 0, 0).pack(voice))
+    return sent(v2.MAVLink_attitude_message(1000, 0, 0, 0, 0, 0, 0), system, component)
 
 
 def random_message(rng: random.Random, k: int) -> bytes:
@@ -99,8 +101,7 @@ def random_message(rng: random.Random, k: int) -> bytes:
 
 
 def named(system: int) -> bytes:
-    voice = v2.MAVLink(None, srcSystem=system, srcComponent=1)
-    return bytes(v2.MAVLink_statustext_message(6, b"mavhums airframe=paper").pack(voice))
+    return sent(v2.MAVLink_statustext_message(6, b"mavhums airframe=paper"), system)
 
 
 def flown(system: int, time_us: int) -> Iterator[bytes]:
@@ -120,12 +121,8 @@ def pour(port: int, datagrams: Iterator[bytes], pause_every: int = 100) -> None:
                 time.sleep(0.002)
 
 
-def crowd(every: int) -> Iterator[tuple[int, int]]:
-    return itertools.product(range(1, 256), range(0, 256, every))
-
-
 def every_sender_as_a_vehicle(port: int, every: int) -> None:
-    pour(port, (attitude(*sender) for sender in crowd(every)))
+    pour(port, itertools.starmap(attitude, itertools.product(range(1, 256), range(0, 256, every))))
 
 
 def every_vehicle_by_name(port: int, _: int) -> None:
@@ -135,12 +132,8 @@ def every_vehicle_by_name(port: int, _: int) -> None:
 def every_vehicle_flies(port: int, every: int) -> None:
     """255 vehicles with the telemetry of four actuators each, 12 s of flight at 5 Hz."""
     pour(port, (named(system) for system in range(1, 256)))
-    times_us = range(0, 12_000_000 // every, 200_000)
-    pour(
-        port,
-        (frame for time_us in times_us for system in range(1, 256) for frame in flown(system, time_us)),
-        40,
-    )
+    moments = itertools.product(range(0, 12_000_000 // every, 200_000), range(1, 256))
+    pour(port, (frame for time_us, system in moments for frame in flown(system, time_us)), 40)
 
 
 def every_port(port: int, every: int) -> None:
@@ -215,13 +208,11 @@ def endure(attack: Attack, folder: Path, *, every: int = 1, quiet_s: float = _QU
 def _await_listening(program: subprocess.Popen[bytes], port: int) -> None:
     """Wait until the port is bound."""
     until = time.monotonic() + 120
-    while time.monotonic() < until:
+    while f":{port:04X} " not in Path("/proc/net/udp").read_text():
         assert program.poll() is None, "it ended before it listened"
-        if f":{port:04X} " in Path("/proc/net/udp").read_text():
-            time.sleep(1.0)
-            return
+        assert time.monotonic() < until, "it does not listen"
         time.sleep(0.1)
-    raise AssertionError("it does not listen")
+    time.sleep(1.0)
 
 
 def _repeat(attack: Attack, port: int, every: int, over: threading.Event) -> None:

@@ -134,12 +134,7 @@ def conditions(assessment: Assessment, vehicle: int = 1) -> dict[str, str]:
     return {v.actuator: v.condition for v in assessment.verdicts if v.vehicle == vehicle}
 
 
-RIGHT = {
-    "aileron_left": "normal",
-    "aileron_right": "normal",
-    "elevator": "emergency",
-    "rudder": "normal",
-}
+RIGHT = {"aileron_left": "normal", "aileron_right": "normal", "elevator": "emergency", "rudder": "normal"}
 
 
 def pieces(record: FlightRecord, link: Link | None = None, sender: str = "vehicle") -> list[Piece]:

@@ -9,10 +9,12 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from mavhums.log.mavlink.stamping import Piece
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "sim")])}
@@ -55,13 +57,12 @@ class Program:
 
 
 @contextmanager
-def running(folder: Path, name: str, *command: str) -> Iterator[Program]:
-    """A program in a folder, its output in a file; killed at the end."""
+def running(folder: Path, name: str, *command: str, stdout: Any = None) -> Iterator[Program]:
+    """A program in a folder, its output in a file, its standard output also elsewhere; killed at the end."""
     out = folder / f"{name}.out"
     with out.open("w") as file:
-        process = subprocess.Popen(
-            command, stdout=file, stderr=subprocess.STDOUT, text=True, cwd=folder, env=ENVIRONMENT
-        )
+        more: Any = {"stdout": stdout or file, "stderr": file, "text": True}
+        process = subprocess.Popen(command, cwd=folder, env=ENVIRONMENT, **more)
     try:
         yield Program(process, out)
     finally:
@@ -72,6 +73,25 @@ def running(folder: Path, name: str, *command: str) -> Iterator[Program]:
 
 def mavhums(*arguments: str | Path) -> list[str]:
     return [sys.executable, "-m", "mavhums", *map(str, arguments)]
+
+
+def send(port: int, pieces: Sequence[Piece]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+        for k, piece in enumerate(pieces):
+            out.sendto(piece.data, ("127.0.0.1", port))
+            if k % 50 == 0:
+                time.sleep(0.002)
+
+
+@contextmanager
+def hearing(folder: Path, pieces: Sequence[Piece], *arguments: str | Path) -> Iterator[Program]:
+    """``mavhums live`` with a link of UDP, to which pieces were sent."""
+    port = free_port()
+    with running(folder, "live", *mavhums("live", f"udpin:{port}", *arguments)) as live:
+        told = '"event":"start"' if "--json" in arguments else "listening: udpin:127.0.0.1:"
+        live.wait_for(lambda: told in live.output)
+        send(port, pieces)
+        yield live
 
 
 def simulator(*arguments: str) -> list[str]:

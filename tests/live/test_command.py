@@ -20,20 +20,8 @@ import mavhums
 from mavhums.log.mavlink.stamping import Piece
 from tests.conftest import Run
 from tests.live.conftest import KEY, verdicts
-from tests.live.programs import Program, free_port, running
+from tests.live.programs import Program, hearing, running
 from tests.live.programs import mavhums as command
-
-
-def listen(live: Program) -> None:
-    live.wait_for(lambda: live.objects("start"))
-
-
-def send(port: int, pieces: list[Piece]) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
-        for k, piece in enumerate(pieces):
-            out.sendto(piece.data, ("127.0.0.1", port))
-            if k % 50 == 0:
-                time.sleep(0.002)
 
 
 def frames_heard(live: Program) -> int:
@@ -43,12 +31,9 @@ def frames_heard(live: Program) -> int:
 
 @pytest.mark.slow
 def test_kill_9_costs_at_most_a_second(tmp_path: Path, worn_pieces: list[Piece]) -> None:
-    port, recording = free_port(), tmp_path / "live.tlog"
-    arguments = command("live", f"udpin:{port}", "--json", "--record", recording)
-    with running(tmp_path, "live", *arguments) as live:
-        listen(live)
-        send(port, worn_pieces)
-        time.sleep(1.0)
+    recording = tmp_path / "live.tlog"
+    with hearing(tmp_path, worn_pieces, "--json", "--record", recording) as live:
+        live.wait_for(lambda: frames_heard(live) == len(worn_pieces))
         live.process.kill()
         live.process.wait()
     log = mavhums.read_log(recording)
@@ -58,11 +43,7 @@ def test_kill_9_costs_at_most_a_second(tmp_path: Path, worn_pieces: list[Piece])
 
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_signals_end_it_with_the_verdicts(tmp_path: Path, worn_pieces: list[Piece], number: int) -> None:
-    port = free_port()
-    name = tmp_path / "flight-%Y.tlog"
-    with running(tmp_path, "live", *command("live", f"udpin:{port}", "--record", name)) as live:
-        live.wait_for(lambda: "listening: udpin:127.0.0.1:" in live.output)
-        send(port, worn_pieces)
+    with hearing(tmp_path, worn_pieces, "--record", tmp_path / "flight-%Y.tlog") as live:
         time.sleep(0.5)
         code = live.stop(number)
     assert "Not an airworthiness decision" in " ".join(live.output.split())
@@ -84,17 +65,14 @@ def test_only_signed_frames_are_heard_and_former_ones_never_again(
     signer.signing.timestamp = 5_000_000_000
     attitude = v2.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0)
     signed = [Piece(None, 0, bytes(attitude.pack(signer))) for _ in range(20)]
-    for attempt, accepted in ((1, 20), (2, 0)):
-        port = free_port()
-        arguments = command("live", f"udpin:{port}", "--json", "--key", key)
-        with running(tmp_path, f"live{attempt}", *arguments) as live:
-            listen(live)
-            send(port, worn_pieces[:40] + signed[:10] + signed[10:] * (2 if attempt == 1 else 1))
+    for again, accepted, replayed in ((2, 20, 10), (1, 0, 20)):
+        sent = worn_pieces[:40] + signed[:10] + signed[10:] * again
+        with hearing(tmp_path, sent, "--json", "--key", key) as live:
             time.sleep(1.0)
             live.stop()
         link = live.objects("end")[0]["link"]
-        assert (link["frames"], link["unsigned_frames"]) == (accepted, 40)
-        assert link["replayed_frames"] == (10 if attempt == 1 else 20)
+        told = (link["frames"], link["unsigned_frames"], link["replayed_frames"])
+        assert told == (accepted, 40, replayed)
     assert json.loads((tmp_path / "key.seen").read_text())["0/1/1"] >= 5_000_000_019
 
 
@@ -140,7 +118,7 @@ def test_a_serial_device(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     tty.setraw(master)
     url = f"serial:{os.ttyname(slave)}:115200"
     with running(tmp_path, "live", *command("live", url, "--json")) as live:
-        listen(live)
+        live.wait_for(lambda: live.objects("start"))
         for piece in worn_pieces[:500]:
             os.write(master, piece.data)
             time.sleep(0.0002)
@@ -226,12 +204,9 @@ def test_nothing_heard_is_undecided(run: Run) -> None:
 @pytest.mark.slow
 def test_a_viewer_follows_and_a_recording_stays(tmp_path: Path, worn_pieces: list[Piece]) -> None:
     pytest.importorskip("rerun")
-    port, drawn = free_port(), tmp_path / "live.rrd"
-    arguments = command("live", f"udpin:{port}", "--json", "--viewer", "serve", "--rrd", drawn)
-    with running(tmp_path, "live", *arguments) as live:
-        listen(live)
+    drawn = tmp_path / "live.rrd"
+    with hearing(tmp_path, worn_pieces, "--json", "--viewer", "serve", "--rrd", drawn) as live:
         assert "viewer: rerun+http://127.0.0.1:" in live.output
-        send(port, worn_pieces)
         live.wait_for(lambda: frames_heard(live) == len(worn_pieces))
         live.stop()
     assert "drawing has ended" not in live.output

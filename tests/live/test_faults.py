@@ -136,8 +136,6 @@ def test_this_computers_clock_is_set(rig: Rig, worn_pieces: list[Piece]) -> None
     middle = len(worn_pieces) // 2
     rig.hear(worn_pieces[:middle])
     rig.wall_us += 6 * 365 * 86_400_000_000
-    assert rig.clock.now_us() == rig.now_us
-    assert rig.clock.at_us([(rig.wall_us - 5000) * 1000, None]) == [rig.now_us - 5000, rig.now_us]
     rig.hear(worn_pieces[middle:])
     live = rig.end()
     assert conditions(live) == RIGHT
@@ -169,7 +167,7 @@ def test_the_disk_is_full_while_recording(rig: Rig, worn_pieces: list[Piece]) ->
     with files_up_to(rig.recorder.bytes + 40_000):
         rig.hear(worn_pieces[third : 2 * third])
     record = rig.shown.statuses[-1].record
-    assert record is not None
+    assert record
     assert record.error
     assert record.lost_frames > 1000
     rig.hear(worn_pieces[2 * third :])

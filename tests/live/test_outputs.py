@@ -7,12 +7,10 @@ import io
 import os
 import pty
 import signal
-import subprocess
 import sys
 import threading
 import time
 import tty
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -27,9 +25,8 @@ from mavhums.live.session import LiveSink
 from mavhums.live.sinks import DrawingSink
 from mavhums.log.mavlink.stamping import Piece
 from tests.live.conftest import Rig
-from tests.live.programs import ENVIRONMENT, free_port
+from tests.live.programs import Program, free_port, running, send
 from tests.live.programs import mavhums as command
-from tests.live.test_command import send
 
 
 class Gate:
@@ -98,8 +95,8 @@ class Hanging(LiveSink):
 
 @pytest.mark.slow
 def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]) -> None:
-    viewer, released = Hanging(), threading.Event()
-    detached = DrawingSink(viewer, "viewer", released.set, patience_s=0.01)  # type: ignore[arg-type]
+    viewer = Hanging()
+    detached = DrawingSink(viewer, "viewer", list, patience_s=0.01)  # type: ignore[arg-type]
     rig.session.sinks.append(detached)
     rig.session.status.outlets.append(detached.outlet)
     rig.hear(worn_pieces)
@@ -120,9 +117,8 @@ def test_a_viewer_that_keeps_up_sees_everything(rig: Rig, worn_pieces: list[Piec
     assert detached.finish()
     assert released.is_set()
     seen = [event for events in viewer.gate.taken for event in events]
-    assert sum(e.time_s.size for e in seen if isinstance(e, Samples)) == sum(
-        e.time_s.size for e in rig.shown.events if isinstance(e, Samples)
-    )
+    there, here = ([e for e in events if isinstance(e, Samples)] for events in (seen, rig.shown.events))
+    assert sum(e.time_s.size for e in there) == sum(e.time_s.size for e in here)
 
 
 def test_before_it_has_begun_a_signal_ends_it_at_once() -> None:
@@ -156,28 +152,14 @@ def test_a_hang_up_that_was_to_be_ignored_is() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-@contextlib.contextmanager
-def live(folder: Path, out: int | str, *arguments: str | Path) -> Iterator[subprocess.Popen[bytes]]:
-    """``mavhums live`` whose standard output is a file, or a descriptor."""
-    with contextlib.ExitStack() as exits:
-        stdout: Any = exits.enter_context(Path(out).open("w")) if isinstance(out, str) else out
-        stderr = exits.enter_context((folder / "err").open("w"))
-        process = subprocess.Popen(
-            command("live", *arguments), stdout=stdout, stderr=stderr, cwd=folder, env=ENVIRONMENT
-        )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-
-
-def await_bytes(path: Path, size: int, process: subprocess.Popen[bytes]) -> None:
-    until = time.monotonic() + 60
-    while not path.exists() or path.stat().st_size < size:
-        assert process.poll() is None, (path.parent / "err").read_text()
-        assert time.monotonic() < until, "it is not recorded"
-        time.sleep(0.05)
+def fly(live: Program, port: int, pieces: list[Piece], recording: Path) -> None:
+    """Send a flight once it listens, wait until it is recorded, and end it."""
+    live.wait_for(recording.exists)
+    time.sleep(0.5)
+    send(port, pieces)
+    size = sum(len(piece.data) + 8 for piece in pieces)
+    live.wait_for(lambda: recording.stat().st_size >= size)
+    assert live.stop() == mavhums.analyse(recording).exit_code
 
 
 @pytest.mark.slow
@@ -194,44 +176,38 @@ def test_nobody_reads_standard_output_nor_alerts(tmp_path: Path, worn_pieces: li
     tty.setraw(master)
     recording, port = tmp_path / "live.tlog", free_port()
     links = [f"udpin:{port}", f"serial:{os.ttyname(slave)}:115200"]
-    with live(tmp_path, writer, *links, "--json", "--alerts", "--record", recording) as process:
-        await_bytes(recording, 0, process)
-        time.sleep(0.5)
-        send(port, worn_pieces)
-        await_bytes(recording, sum(len(piece.data) + 8 for piece in worn_pieces), process)
-        began = time.monotonic()
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == mavhums.analyse(recording).exit_code
-        assert time.monotonic() - began < 20, "2 s on a computer that has nothing else to do"
+    arguments = command("live", *links, "--json", "--alerts", "--record", recording)
+    with running(tmp_path, "live", *arguments, stdout=writer) as live:
+        fly(live, port, worn_pieces, recording)
     for descriptor in (reader, writer, master, slave):
         os.close(descriptor)
-    assert "standard output: " in (tmp_path / "err").read_text()
+    assert "standard output: " in live.output
+
+
+def closed_pipe() -> int:
+    reader, writer = os.pipe()
+    os.close(reader)
+    return writer
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("out", ["/dev/full", "closed pipe"])
 def test_an_output_that_fails_ends_nothing(tmp_path: Path, worn_pieces: list[Piece], out: str) -> None:
     recording, port = tmp_path / "live.tlog", free_port()
-    stdout: int | str = out
-    if out == "closed pipe":
-        reader, stdout = os.pipe()
-        os.close(reader)
-    with live(tmp_path, stdout, f"udpin:{port}", "--json", "--record", recording) as process:
-        await_bytes(recording, 0, process)
-        time.sleep(0.5)
-        send(port, worn_pieces)
-        await_bytes(recording, sum(len(piece.data) + 8 for piece in worn_pieces), process)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == mavhums.analyse(recording).exit_code
-    assert "its output is dropped, everything else continues" in (tmp_path / "err").read_text()
+    stdout = closed_pipe() if out == "closed pipe" else os.open(out, os.O_WRONLY)
+    arguments = command("live", f"udpin:{port}", "--json", "--record", recording)
+    with running(tmp_path, "live", *arguments, stdout=stdout) as live:
+        fly(live, port, worn_pieces, recording)
+    os.close(stdout)
+    assert "its output is dropped, everything else continues" in live.output
 
 
 @pytest.mark.slow
 def test_a_closed_pipe_ends_what_has_no_other_purpose(tmp_path: Path) -> None:
-    reader, writer = os.pipe()
-    os.close(reader)
-    with live(tmp_path, writer, "udpin:0", "--json") as process:
-        assert process.wait(60) == 12
+    writer = closed_pipe()
+    with running(tmp_path, "live", *command("live", "udpin:0", "--json"), stdout=writer) as live:
+        assert live.process.wait(60) == 12
+    os.close(writer)
 
 
 if sys.platform == "win32":

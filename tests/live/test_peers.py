@@ -21,12 +21,7 @@ from tests.live.attacks import attitude
 SECOND = 1_000_000
 
 
-@given(
-    st.lists(
-        st.tuples(st.sampled_from("abc"), st.integers(1, 500), st.booleans()),
-        max_size=60,
-    )
-)
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.integers(1, 500), st.booleans()), max_size=60))
 def test_nobody_is_told_more_than_came_from_him(steps: list[tuple[str, int, bool]]) -> None:
     peers = Peers()
     heard: dict[Hashable, int] = {}

@@ -35,10 +35,9 @@ def datagrams(log: Path) -> list[bytes]:
     stamp = 0 if log.suffix == ".raw" else 8
     while position + stamp + 3 <= len(data):
         start = position + stamp
-        size = {
-            0xFE: 8 + data[start + 1],
-            0xFD: 12 + data[start + 1] + 13 * (data[start + 2] & 1),
-        }.get(data[start])
+        size = {0xFE: 8 + data[start + 1], 0xFD: 12 + data[start + 1] + 13 * (data[start + 2] & 1)}.get(
+            data[start]
+        )
         if size is None:
             out.append(data[position : position + 1])
             position += 1
@@ -134,10 +133,7 @@ def test_each_session_is_its_recording(tiers: tuple[str, ...], signed: bool, tmp
 
 @pytest.mark.slow
 @given(
-    day=st.sampled_from([0, 1]),
-    older_s=st.integers(0, 300),
-    strangers=st.integers(0, 3),
-    swap=st.booleans(),
+    day=st.sampled_from([0, 1]), older_s=st.integers(0, 300), strangers=st.integers(0, 3), swap=st.booleans()
 )
 @settings(max_examples=6, deadline=None)
 def test_a_second_session_admits_what_its_recording_admits(

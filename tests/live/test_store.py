@@ -21,18 +21,16 @@ from tests.conftest import Run
 from tests.fleet.stores import add, row_of, write_store
 from tests.flights import START, flown, shown, verdict
 from tests.live.conftest import Rig, verdicts
-from tests.live.programs import free_port, running
-from tests.live.programs import mavhums as command
-from tests.live.test_command import send
+from tests.live.programs import free_port, hearing
 
 BEFORE = (datetime.fromtimestamp(EPOCH_US / 1e6, tz=UTC) - START).days - 100
+FLIGHTS = [flown(verdict(shown(0.1)), day=BEFORE + day) for day in range(12)]
 
 
 @pytest.fixture
 def store(tmp_path: Path) -> Path:
     """A store with flights of an aircraft whose elevator has hardly any friction."""
-    flights = [flown(verdict(shown(0.1)), day=BEFORE + day) for day in range(12)]
-    write_store(tmp_path / "store", {"D-A": flights})
+    write_store(tmp_path / "store", {"D-A": FLIGHTS})
     return tmp_path / "store"
 
 
@@ -58,10 +56,8 @@ def test_the_board_names_the_aircraft_in_flight(worn_pieces: list[Piece], tmp_pa
     rig.hear(worn_pieces)
     board = rig.end().log.flight[0].board
     store = tmp_path / "store"
-    flights = [flown(verdict(shown(0.1)), day=BEFORE + day) for day in range(12)]
-    add(
-        store, *(row_of(flight, f"board {board}")._replace(board=board) for flight in flights), compares=False
-    )
+    rows = (row_of(flight, f"board {board}")._replace(board=board) for flight in FLIGHTS)
+    add(store, *rows, compares=False)
     judging = Options(airframe="paper", store=store)
     session = prepare(LiveOptions(urls=[f"udpin:{free_port()}"], judging=judging))
     for start in range(0, len(worn_pieces), 200):
@@ -76,11 +72,9 @@ def test_the_board_names_the_aircraft_in_flight(worn_pieces: list[Piece], tmp_pa
 def test_the_recording_is_kept_at_the_end(
     store: Path, worn_pieces: list[Piece], tmp_path: Path, run: Run
 ) -> None:
-    port, recording = free_port(), tmp_path / "live.tlog"
+    recording = tmp_path / "live.tlog"
     keep = ("--record", recording, "--store", store, "--keep", "--aircraft", "D-A")
-    with running(tmp_path, "live", *command("live", f"udpin:{port}", *keep)) as live:
-        live.wait_for(lambda: "listening: udpin:127.0.0.1:" in live.output)
-        send(port, worn_pieces)
+    with hearing(tmp_path, worn_pieces, *keep) as live:
         time.sleep(0.5)
         code = live.stop(signal.SIGINT)
     assert f"{recording} is kept in {store}" in live.output

@@ -13,6 +13,11 @@ FLIGHTS = 9
 END = {"D-GROWS": 0.55, "D-FAILS": 1.1, "D-KEEPS": 0.225}
 
 
+@pytest.fixture
+def anyio_backend() -> str:
+    return "asyncio"
+
+
 @pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Nine flights each of an aircraft that stays healthy, of one that wears, and of one that fails."""

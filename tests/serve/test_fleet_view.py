@@ -10,14 +10,8 @@ import numpy as np
 from mavhums.core.conditions import Condition
 from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
-from mavhums.results.standing import (
-    ActuatorTrend,
-    LastFlightOf,
-    RepairDate,
-    Standing,
-    TrendReport,
-)
-from mavhums.results.verdict import Suspect, Verdict
+from mavhums.results.standing import ActuatorTrend, LastFlightOf, RepairDate, Standing, TrendReport
+from mavhums.results.verdict import Verdict
 from mavhums.serve.pages import render, trends
 from mavhums.serve.views import aircraft_table, flight_pages, flight_table, tally, trends_shown
 from mavhums.show.blocks import Anchor, Mark
@@ -28,10 +22,8 @@ MARKUP = "<img src=x onerror=alert(1)>"
 
 
 def verdict(actuator: str, condition: Condition, reason: str | None = None, fault: str = "") -> Verdict:
-    suspects = (Suspect(fault=fault, confidence=0.9),) if fault else ()
-    return Verdict(
-        vehicle=1, actuator=actuator, condition=condition, worst=condition, reason=reason, suspects=suspects
-    )
+    found = judged(actuator=actuator, condition=condition, suspect=fault or None)
+    return found.model_copy(update={"reason": reason})
 
 
 def last_flight(
@@ -41,24 +33,19 @@ def last_flight(
 
 
 def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
+    one, never = "2026-01-01T09:00:00+00:00", "1970-01-01T00:00:00+00:00"
     rows = [
-        last_flight(
-            "D-B", "b.tlog", "2026-01-01T09:00:00+00:00", verdict("elevator", "emergency", fault="hard_over")
-        ),
+        last_flight("D-B", "b.tlog", one, verdict("elevator", "emergency", fault="hard_over")),
         last_flight(None, "x/a.tlog", None, verdict("rudder", "undecided", "too slow")),
         last_flight(None, "x/c.tlog", None, verdict("rudder", "undecided", "too slow")),
-        last_flight("D-B", "b.tlog", "2026-01-01T09:00:00+00:00", verdict("rudder", "normal")),
-        last_flight("D-A", "a.tlog", "1970-01-01T00:00:00+00:00", verdict("rudder", "normal")),
+        last_flight("D-B", "b.tlog", one, verdict("rudder", "normal")),
+        last_flight("D-A", "a.tlog", never, verdict("rudder", "normal")),
     ]
     shown = aircraft_table(rows)
     first, unknown, other, well = shown.rows
     assert first[0] == [Anchor("D-B", "/fleet/aircraft?name=D-B")]
-    assert first[1:] == [
-        [Mark("emergency")],
-        "elevator: suspected: hard over",
-        "1 emergency, 1 normal",
-        "2026-01-01 09:00 UTC",
-    ]
+    assert first[1:3] == [[Mark("emergency")], "elevator: suspected: hard over"]
+    assert first[3:] == ["1 emergency, 1 normal", "2026-01-01 09:00 UTC"]
     assert unknown[0] == [Anchor("unknown aircraft (a.tlog)", "")]
     assert unknown[2:] == ["rudder: too slow", "1 undecided", "date not known"]
     assert other[0] == [Anchor("unknown aircraft (c.tlog)", "")]
@@ -68,9 +55,7 @@ def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
 
 def test_what_grows_is_not_called_normal() -> None:
     grows = standing("normal", GROWS)
-    shown = aircraft_table(
-        [last_flight("D-A", "a.tlog", "1970-01-01T00:00:00+00:00", verdict("rudder", "normal"), grows)]
-    )
+    shown = aircraft_table([last_flight("D-A", "a.tlog", None, verdict("rudder", "normal"), grows)])
     assert shown.rows[0][1:4] == [[Mark("changed", "grows")], f"rudder: {TOLD}", "1 grows"]
 
 
@@ -154,14 +139,7 @@ def test_texts_of_a_store_are_never_markup() -> None:
     assert "<img" not in render("aircraft.html", name=MARKUP, problem=MARKUP, **page)
     named = trend(MARKUP, "friction").model_copy(update={"quantity": MARKUP})
     report = TrendReport(flights=12, trends=(named,), unshown=(MARKUP,))
-    text = render(
-        "aircraft.html",
-        **page,
-        name=MARKUP,
-        problem="",
-        trends=trends(report, {}),
-        flights=flight_table(MARKUP, []),
-        query="",
-    )
+    seen = {"problem": "", "query": "", "trends": trends(report, {}), "flights": flight_table(MARKUP, [])}
+    text = render("aircraft.html", name=MARKUP, **page, **seen)
     assert "<img" not in text
     assert text.count("&lt;img") >= 5

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import subprocess
 import sys
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,21 +34,23 @@ for line in sys.stdin:
 """
 COMMAND = (sys.executable, "-c", PROGRAM)
 
-Use = Callable[[Workers], Awaitable[Any]]
+pytestmark = pytest.mark.anyio
 
 
-def with_workers(
-    use: Use, *, count: int = 2, judge_s: float = 30.0, command: Any = COMMAND, **limits: int
-) -> Any:
-    async def whole() -> Any:
-        workers = Workers(Quotas(workers=count, judge_s=judge_s, **limits), command)
-        await workers.start()
-        try:
-            return await use(workers)
-        finally:
-            await workers.close()
+@contextlib.asynccontextmanager
+async def working(limits: Quotas, command: Any = COMMAND) -> AsyncIterator[Workers]:
+    workers = Workers(limits, command)
+    await workers.start()
+    try:
+        yield workers
+    finally:
+        await workers.close()
 
-    return asyncio.run(whole())
+
+@pytest.fixture
+async def workers(request: pytest.FixtureRequest) -> AsyncIterator[Workers]:
+    async with working(getattr(request, "param", Quotas(workers=2))) as workers:
+        yield workers
 
 
 def ask(workers: Workers, do: str, user: str = "a", **more: Any) -> Awaitable[dict[str, Any]]:
@@ -54,110 +58,89 @@ def ask(workers: Workers, do: str, user: str = "a", **more: Any) -> Awaitable[di
 
 
 @pytest.mark.slow
-def test_a_crash_and_a_hang_end_only_their_own_log() -> None:
-    async def use(workers: Workers) -> None:
-        crashed, hung, fine = await asyncio.gather(
-            ask(workers, "crash"), ask(workers, "hang"), ask(workers, "judge")
-        )
-        assert "ended with SIGABRT" in crashed["problem"]
-        assert "took longer than 2 s" in hung["problem"]
-        assert crashed["remedy"]
-        assert hung["remedy"]
-        assert "pid" in fine
-        babbled = await ask(workers, "babble")
-        assert "problem" in babbled
+@pytest.mark.parametrize("workers", [Quotas(workers=2, judge_s=2.0)], indirect=True)
+async def test_a_crash_and_a_hang_end_only_their_own_log(workers: Workers) -> None:
+    crashed, hung, fine = await asyncio.gather(*(ask(workers, do) for do in ("crash", "hang", "judge")))
+    assert "ended with SIGABRT" in crashed["problem"]
+    assert "took longer than 2 s" in hung["problem"]
+    assert crashed["remedy"]
+    assert hung["remedy"]
+    assert "pid" in fine
+    assert "problem" in await ask(workers, "babble")
+    assert "pid" in await ask(workers, "judge")
+
+
+@pytest.mark.parametrize("workers", [Quotas(workers=1)], indirect=True)
+async def test_the_log_of_a_killed_process_is_judged_once_more(workers: Workers, tmp_path: Path) -> None:
+    assert "pid" in await ask(workers, "killed once", seen=str(tmp_path / "seen"))
+
+
+async def test_processes_killed_while_idle_cost_no_attempt(workers: Workers) -> None:
+    for _ in range(3):
+        pids = {(await ask(workers, "judge"))["pid"] for _ in range(2)}
+        for pid in pids:
+            process = psutil.Process(pid)
+            process.kill()
+            await asyncio.to_thread(psutil.wait_procs, [process], 10.0)
+        await asyncio.sleep(0.1)
         assert "pid" in await ask(workers, "judge")
 
-    with_workers(use, judge_s=2.0)
 
-
-def test_the_log_of_a_killed_process_is_judged_once_more(tmp_path: Path) -> None:
-    async def use(workers: Workers) -> None:
-        assert "pid" in await ask(workers, "killed once", seen=str(tmp_path / "seen"))
-
-    with_workers(use, count=1)
-
-
-def test_processes_killed_while_idle_cost_no_attempt() -> None:
-    async def use(workers: Workers) -> None:
-        for _ in range(3):
-            pids = {(await ask(workers, "judge"))["pid"] for _ in range(2)}
-            for pid in pids:
-                process = psutil.Process(pid)
-                process.kill()
-                await asyncio.to_thread(psutil.wait_procs, [process], 10.0)
-            await asyncio.sleep(0.1)
-            assert "pid" in await ask(workers, "judge")
-
-    with_workers(use)
-
-
-def test_no_process_stays() -> None:
-    async def use(workers: Workers) -> list[int]:
-        several = [await ask(workers, "judge") for _ in range(2)]
+async def test_no_process_stays() -> None:
+    before = set(psutil.Process().children())
+    async with working(Quotas(workers=2)) as workers:
+        pids = [(await ask(workers, "judge"))["pid"] for _ in range(2)]
         hanging = asyncio.ensure_future(ask(workers, "hang"))
         await asyncio.sleep(0.1)
         hanging.cancel()
         await asyncio.gather(hanging, return_exceptions=True)
-        return [one["pid"] for one in several]
-
-    before = set(psutil.Process().children())
-    for pid in with_workers(use):
-        assert not psutil.pid_exists(pid)
+    assert not any(map(psutil.pid_exists, pids))
     assert set(psutil.Process().children()) <= before
 
 
-def test_a_user_with_many_logs_does_not_delay_another() -> None:
+async def test_a_user_with_many_logs_does_not_delay_another(workers: Workers) -> None:
     order: list[str] = []
 
-    async def use(workers: Workers) -> None:
-        async def one(user: str) -> None:
-            await ask(workers, "judge", user, s=0.2)  # longer than a busy machine stops one of the two
-            order.append(user)
+    async def one(user: str) -> None:
+        await ask(workers, "judge", user, s=0.2)  # longer than a busy machine stops one of the two
+        order.append(user)
 
-        many = [asyncio.ensure_future(one("many")) for _ in range(12)]
-        await asyncio.sleep(0)  # all of them wait for a worker now, however slow the machine is
-        await asyncio.gather(one("few"), *many)
-
-    with_workers(use, count=2)
+    many = [asyncio.ensure_future(one("many")) for _ in range(12)]
+    await asyncio.sleep(0)  # all of them wait for a worker now, however slow the machine is
+    await asyncio.gather(one("few"), *many)
     # In the order of asking it would be the last; a slow process lets some pass.
     assert "few" in order[:8]
 
 
-def test_a_cancelled_wait_loses_no_worker() -> None:
-    async def use(workers: Workers) -> None:
-        first = asyncio.ensure_future(ask(workers, "judge", s=0.2))
-        await asyncio.sleep(0.05)
-        second = asyncio.ensure_future(ask(workers, "judge"))
-        await asyncio.sleep(0.05)
-        second.cancel()
-        await asyncio.gather(first, second, return_exceptions=True)
-        assert "pid" in await asyncio.wait_for(ask(workers, "judge"), 5)
-
-    with_workers(use, count=1)
+@pytest.mark.parametrize("workers", [Quotas(workers=1)], indirect=True)
+async def test_a_cancelled_wait_loses_no_worker(workers: Workers) -> None:
+    first = asyncio.ensure_future(ask(workers, "judge", s=0.2))
+    await asyncio.sleep(0.05)
+    second = asyncio.ensure_future(ask(workers, "judge"))
+    await asyncio.sleep(0.05)
+    second.cancel()
+    await asyncio.gather(first, second, return_exceptions=True)
+    assert "pid" in await asyncio.wait_for(ask(workers, "judge"), 5)
 
 
 @pytest.mark.parametrize("leaves_first", [False, True])
-def test_a_worker_is_not_lost_with_someone_who_leaves(leaves_first: bool) -> None:
+@pytest.mark.parametrize("workers", [Quotas(workers=1)], indirect=True)
+async def test_a_worker_is_not_lost_with_someone_who_leaves(workers: Workers, leaves_first: bool) -> None:
     """It is handed over just before the other leaves, or to one that is leaving."""
-
-    async def use(workers: Workers) -> None:
-        worker = await workers._acquire("a")
-        leaver = asyncio.ensure_future(workers._acquire("b"))
-        await asyncio.sleep(0)
-        steps: list[Callable[[], object]] = [lambda: workers._hand(worker), leaver.cancel]
-        for step in reversed(steps) if leaves_first else steps:
-            step()
-        await asyncio.gather(leaver, return_exceptions=True)
-        assert await asyncio.wait_for(workers._acquire("c"), 5) is worker
-        workers._hand(worker)
-
-    with_workers(use, count=1)
+    worker = await workers._acquire("a")
+    leaver = asyncio.ensure_future(workers._acquire("b"))
+    await asyncio.sleep(0)
+    steps: list[Callable[[], object]] = [lambda: workers._hand(worker), leaver.cancel]
+    for step in reversed(steps) if leaves_first else steps:
+        step()
+    await asyncio.gather(leaver, return_exceptions=True)
+    assert await asyncio.wait_for(workers._acquire("c"), 5) is worker
+    workers._hand(worker)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
-def test_the_true_process_judges_refuses_and_records_in_the_least_memory(
+async def test_the_true_process_judges_refuses_and_records_in_the_least_memory(
     growing_log: Path, tmp_path: Path
 ) -> None:
     pytest.importorskip("rerun", reason="the 3-D view needs the extra 'viewer'")
@@ -166,24 +149,18 @@ def test_the_true_process_judges_refuses_and_records_in_the_least_memory(
     odd = tmp_path / "notes.tlog"
     odd.write_text("this is no log, whatever its name says\n" * 100)
     job: dict[str, Any] = {"log": str(growing_log), "options": {}, "report": str(tmp_path / "report.html")}
-
-    async def use(workers: Workers) -> list[dict[str, Any]]:
-        return [
-            await ask(workers, "judge", **job),
-            await ask(workers, "judge", **job | {"log": str(odd)}),
-            await ask(workers, "judge", **job | {"options": {"airframe": "nowhere.toml"}}),
-            await ask(workers, "record", recording=str(tmp_path / "flight.rrd"), **job),
-        ]
-
-    least = LEAST_MEMORY_MB << 20
-    good, bad, wrong, recorded = with_workers(use, count=1, judge_s=300.0, command=None, memory_bytes=least)
+    least = Quotas(workers=1, judge_s=300.0, memory_bytes=LEAST_MEMORY_MB << 20)
+    async with working(least, None) as workers:
+        good = await ask(workers, "judge", **job)
+        bad = await ask(workers, "judge", **job | {"log": str(odd)})
+        wrong = await ask(workers, "judge", **job | {"options": {"airframe": "nowhere.toml"}})
+        assert await ask(workers, "record", recording=str(tmp_path / "f.rrd"), **job) == {"recorded": True}
     assert good["brief"]["condition"] == "emergency"
     assert "elevator" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "notes.tlog" in bad["problem"]
     assert str(tmp_path) not in bad["problem"]
     assert bad["remedy"]
     assert "nowhere.toml" in wrong["problem"]
-    assert recorded == {"recorded": True}
 
 
 GROW = """
@@ -201,15 +178,11 @@ sys.exit(2)
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is limited on Linux only")
 def test_memory_beyond_the_limit_is_refused() -> None:
-    import subprocess
-
     assert subprocess.run([sys.executable, "-c", GROW], check=False).returncode == 0
 
 
 @pytest.mark.slow
 def test_the_process_ends_with_its_parent() -> None:
-    import subprocess
-
     program = (
         "import sys; from mavhums.serve import worker; worker._prepare = lambda: None; worker.main(1 << 31)"
     )

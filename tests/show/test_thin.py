@@ -24,11 +24,7 @@ def thinned(
 
 
 @settings(max_examples=200, deadline=None)
-@given(
-    size=st.integers(1, 20000),
-    seed=st.integers(0, 99),
-    cuts=st.lists(st.integers(0, 20000), max_size=5),
-)
+@given(size=st.integers(1, 20000), seed=st.integers(0, 99), cuts=st.lists(st.integers(0, 20000), max_size=5))
 def test_no_peak_is_lost_and_no_more_rows_are_kept_than_fit(size: int, seed: int, cuts: list[int]) -> None:
     values = np.random.default_rng(seed).normal(size=(size, 3))
     values[:, 1] = np.nan
