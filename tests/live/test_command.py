@@ -90,6 +90,9 @@ class Server(threading.Thread):
             connection, _ = self._socket.accept()
             with connection:
                 connection.sendall(half)
+                connection.shutdown(socket.SHUT_WR)
+                while connection.recv(4096):  # what lies unread would reset the connection, and lose the rest
+                    pass
         self._socket.close()
 
 
