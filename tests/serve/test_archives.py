@@ -15,6 +15,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.serve.sessions import Sessions, UserSession
 from mavhums.serve.uploads import take_logs
 from mavhums.serve.workers import Quotas, Workers
+from tests.present import present
 from tests.serve.test_sessions import content, settled
 
 
@@ -35,16 +36,14 @@ def mixed(short_log: Path, tmp_path: Path) -> Path:
 
 
 def test_logs_are_taken_and_the_rest_is_named(mixed: Path, short_log: Path, tmp_path: Path) -> None:
-    taken = take_logs(mixed, tmp_path / "out", 1 << 30, 10)
-    assert taken is not None
+    taken = present(take_logs(mixed, tmp_path / "out", 1 << 30, 10))
     assert [path.name for path in taken.logs] == ["one.tlog", "two.tlog"]
     assert {path.read_bytes() for path in taken.logs} == {short_log.read_bytes()}
     assert sorted(taken.others) == ["../up.tlog", "/etc/hostname", "notes.txt"], (
         "names that leave the archive"
     )
     assert all(path.is_relative_to(tmp_path / "out") for path in (tmp_path / "out").rglob("*"))
-    few = take_logs(mixed, tmp_path / "few", 1 << 30, 1)
-    assert few is not None
+    few = present(take_logs(mixed, tmp_path / "few", 1 << 30, 1))
     assert len(few.logs) == 1
     assert "two.tlog.gz" in few.others
     with pytest.raises(MavhumsError, match="larger than"):

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from mavhums.results.live import ActuatorStatus, LinkStatus
 from mavhums.serve.views import LiveFile
 from mavhums.show.html import draw
+from tests.present import present
 
 UTC = "2026-01-01T00:00:00+00:00"
 LINK = dict.fromkeys(LinkStatus.model_fields, 0) | {"age_s": 0.1, "contested": ()}
@@ -52,14 +53,11 @@ def test_the_state_follows_the_file(tmp_path: Path) -> None:
     write(path, start(), status(1.0))
     seen = file.seen()
     assert (seen.note, seen.end) == ("", None)
-    assert seen.start
-    assert seen.start.links == ("udpin:1",)
-    assert seen.status
-    assert seen.status.uptime_s == 1.0
+    assert present(seen.start).links == ("udpin:1",)
+    assert present(seen.status).uptime_s == 1.0
     write(path, change(1.5), change(1.7), status(2.0, "degraded"))
     seen = file.seen()
-    assert seen.status
-    assert seen.status.actuators[0].condition == "degraded"
+    assert present(seen.status).actuators[0].condition == "degraded"
     assert [one.time_s for one in seen.changes if one.event == "condition"] == [1.7, 1.5]
     markup = draw(seen.blocks(), "h2")
     assert "(running)" in markup
@@ -74,9 +72,7 @@ def test_a_line_is_taken_when_it_is_whole(tmp_path: Path) -> None:
     assert file.seen().status is None
     with path.open("ab") as output:
         output.write(line[50:] + b"\n")
-    found = file.seen().status
-    assert found
-    assert found.uptime_s == 3.0
+    assert present(file.seen().status).uptime_s == 3.0
 
 
 def test_of_a_long_file_the_beginning_and_the_end_are_read(tmp_path: Path) -> None:
@@ -85,8 +81,7 @@ def test_of_a_long_file_the_beginning_and_the_end_are_read(tmp_path: Path) -> No
     assert path.stat().st_size > 2 << 20
     seen = LiveFile(path).seen()
     assert seen.start
-    assert seen.status
-    assert seen.status.uptime_s == 3999.0
+    assert present(seen.status).uptime_s == 3999.0
     assert [one.time_s for one in seen.changes if one.event == "condition"] == [2.0]
 
 

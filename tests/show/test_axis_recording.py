@@ -15,6 +15,7 @@ from mavhums.app.settings import Options
 from mavhums.show._signals import RowWriter, open_stream
 from mavhums.show._tracks import Track
 from tests.engine.test_axes import flown
+from tests.present import present
 from tests.show.test_recording import entities, rows, scalars, static
 
 PROFILE = """
@@ -93,10 +94,10 @@ def test_the_viewer_lists_what_matters_first_and_nothing_that_nothing_reports_on
 
 def test_the_lane_turns_when_the_verdict_says(recorded: tuple[Path, Any]) -> None:
     [roll] = [verdict for verdict in recorded[1].verdicts if verdict.actuator == "roll"]
-    assert roll.since is not None
-    assert roll.since.flight_time_s == min(item.start_s for item in roll.evidence)
+    since_s = present(roll.since).flight_time_s
+    assert since_s == min(item.start_s for item in roll.evidence)
     times, _ = rows(recorded[0], "/condition/1_roll_control", "StateChange:state")
-    assert times[-1] == pytest.approx(roll.since.flight_time_s, abs=1e-5)
+    assert times[-1] == pytest.approx(since_s, abs=1e-5)
 
 
 def test_where_nothing_is_wrong_what_was_judged_has_the_first_lane(tmp_path: Path) -> None:

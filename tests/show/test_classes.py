@@ -13,6 +13,7 @@ from mavhums.health.decision.events import Classified
 from mavhums.results.assessment import Assessment
 from mavhums.show.evidence import EvidenceCollector
 from mavhums.show.html import page
+from tests.present import present
 from tests.show.conftest import Flight
 from tests.show.test_recording import entities, rows, scalars, static, write
 
@@ -84,9 +85,9 @@ def test_the_report_shows_each_sample_beside_the_windows(flight: Flight, assessm
     p[5_000] = 0.98
     gathered.consume([classified(p)])
     curve = gathered.networks()[1, "elevator"]
-    assert curve.samples is not None
-    assert curve.samples.shape[1] <= 1200
-    assert curve.samples[1].max() == 0.98
+    samples = present(curve.samples)
+    assert samples.shape[1] <= 1200
+    assert samples[1].max() == 0.98
     assert curve.time_s.tolist() == [end - 5.0 for end in range(10, 101)]
     text = page(assessment, gathered)
     assert text.count('class="samples"') == 1

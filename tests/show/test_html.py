@@ -23,6 +23,7 @@ from mavhums.show.html_plot import plot
 from mavhums.show.outline import outline
 from tests.conftest import REAL_LOGS, needs
 from tests.flights import shown
+from tests.present import present
 from tests.serve.browser import BROWSER, Browser
 from tests.show.conftest import new_assessment, new_verdict
 
@@ -89,8 +90,7 @@ def test_a_plot_has_its_interval_its_limits_and_its_words(assessment: Assessment
     assert kinds.count("limit") == 2
     assert kinds.count("since") == kinds.count("band") == kinds.count("line") == 1
     line = next(a["d"] for _, a in tags.tags if a.get("class") == "line")
-    assert line is not None
-    assert line.count("L") == 89
+    assert present(line).count("L") == 89
 
 
 def test_the_page_needs_nothing_from_elsewhere_and_runs_nothing(assessment: Assessment) -> None:
@@ -101,8 +101,7 @@ def test_the_page_needs_nothing_from_elsewhere_and_runs_nothing(assessment: Asse
     for _, attributes in tags.tags:
         assert not [name for name in attributes if name.startswith("on") or name in ("src", "href")]
     policy = next(a["content"] for _, a in tags.tags if a.get("http-equiv") == "Content-Security-Policy")
-    assert policy is not None
-    assert policy.startswith("default-src 'none'")
+    assert present(policy).startswith("default-src 'none'")
 
 
 def hostile(text: str) -> str:
