@@ -94,29 +94,23 @@ class Hanging(LiveSink):
 
 
 @pytest.mark.slow
-def test_a_viewer_that_hangs_holds_nothing_up(rig: Rig, worn_pieces: list[Piece]) -> None:
-    viewer = Hanging()
-    detached = DrawingSink(viewer, "viewer", list, patience_s=0.01)  # type: ignore[arg-type]
-    rig.session.sinks.append(detached)
-    rig.session.status.outlets.append(detached.outlet)
+def test_a_viewer_that_hangs_holds_up_nothing_and_one_that_keeps_up_sees_everything(
+    rig: Rig, worn_pieces: list[Piece]
+) -> None:
+    hangs, follows, released = Hanging(), Hanging(), threading.Event()
+    follows.gate.open.set()
+    hanging = DrawingSink(hangs, "viewer", list, patience_s=0.01)  # type: ignore[arg-type]
+    following = DrawingSink(follows, "other", released.set, patience_s=30)  # type: ignore[arg-type]
+    rig.session.sinks += [hanging, following]
+    rig.session.status.outlets.append(hanging.outlet)
     rig.hear(worn_pieces)
     rig.end()
-    assert not detached.finish()
-    assert detached.outlet.dropped > 100
-    viewer.gate.open.set()
-
-
-@pytest.mark.slow
-def test_a_viewer_that_keeps_up_sees_everything(rig: Rig, worn_pieces: list[Piece]) -> None:
-    viewer, released = Hanging(), threading.Event()
-    viewer.gate.open.set()
-    detached = DrawingSink(viewer, "viewer", released.set, patience_s=30)  # type: ignore[arg-type]
-    rig.session.sinks.append(detached)
-    rig.hear(worn_pieces[:3000])
-    rig.end()
-    assert detached.finish()
+    assert not hanging.finish()
+    assert hanging.outlet.dropped > 100
+    hangs.gate.open.set()
+    assert following.finish()
     assert released.is_set()
-    seen = [event for events in viewer.gate.taken for event in events]
+    seen = [event for events in follows.gate.taken for event in events]
     there, here = ([e for e in events if isinstance(e, Samples)] for events in (seen, rig.shown.events))
     assert sum(e.time_s.size for e in there) == sum(e.time_s.size for e in here)
 

@@ -21,7 +21,7 @@ from rich.console import Console
 from mavhums.live.links import Address, AddressError
 from mavhums.live.outlet import TlogRecorder
 from mavhums.live.setup import SeenSignatures
-from mavhums.live.sinks import JsonLines, PlainLines, View
+from mavhums.live.sinks import DrawingSink, JsonLines, PlainLines, View
 from mavhums.log.mavlink.stamping import Piece
 from mavhums.results import live as objects
 from mavhums.results.assessment import json_schema
@@ -224,35 +224,6 @@ def test_the_view_stays_in_place_and_leaves_nothing(rig: Rig, worn_pieces: list[
     assert "sent to the ground station: elevator EMERGENCY: friction, land now" in screen.getvalue()
 
 
-@pytest.mark.slow
-def test_lines_follow_the_schema(rig: Rig, worn_pieces: list[Piece]) -> None:
-    lines: list[str] = []
-    written = JsonLines(lines.append, rig.clock.now_us, rig.session.status)
-    written.start(["udpin:127.0.0.1:14550"], airframe=None, signed_only=False)
-    rig.session.sinks.append(written)
-    flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
-    rig.end()
-    told = [json.loads(line) for line in lines]
-    schema = jsonschema.Draft202012Validator(json_schema("live-1"))
-    for one in told:
-        schema.validate(one)
-    kinds = [one["event"] for one in told]
-    once = {"start", "airframe", "end"}
-    assert {*kinds} == once | {"notice", "window", "condition", "alert", "stale", "status"}
-    assert (kinds[0], kinds[-1]) == ("start", "end")
-    assert told[-1]["record"]["bytes"] == rig.recorder.bytes
-
-
-@pytest.mark.slow
-def test_plain_lines_tell_changes_and_silence(rig: Rig, worn_pieces: list[Piece]) -> None:
-    lines: list[str] = []
-    rig.session.sinks.append(PlainLines(lines.append))
-    flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
-    rig.end()
-    assert sum("elevator: undecided → emergency (friction)" in line for line in lines) == 1
-    assert sum("stale, silent for 3." in line for line in lines) == 4
-
-
 class Failing:
     """Raises as a viewer does that was closed."""
 
@@ -263,14 +234,27 @@ class Failing:
 
 
 @pytest.mark.slow
-def test_a_viewer_that_fails_ends_nothing(
+def test_lines_tell_all_by_the_schema_and_plainly_though_a_viewer_fails(
     rig: Rig, worn_pieces: list[Piece], caplog: pytest.LogCaptureFixture
 ) -> None:
-    from mavhums.live.sinks import DrawingSink
-
+    lines: list[str] = []
+    plainly: list[str] = []
     drawn = DrawingSink(Failing(), "viewer", list, patience_s=30)  # type: ignore[arg-type]
-    rig.session.sinks.append(drawn)
-    flown(rig, worn_pieces)
+    written = JsonLines(lines.append, rig.clock.now_us, rig.session.status)
+    written.start(["udpin:127.0.0.1:14550"], airframe=None, signed_only=False)
+    rig.session.sinks += [drawn, written, PlainLines(plainly.append)]
+    flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
     rig.end()
     assert drawn.finish()
     assert caplog.text.count("drawing has ended: the viewer is gone") == 1
+    assert sum("elevator: undecided → emergency (friction)" in line for line in plainly) == 1
+    assert sum("stale, silent for 3." in line for line in plainly) == 4
+    told = [json.loads(line) for line in lines]
+    schema = jsonschema.Draft202012Validator(json_schema("live-1"))
+    for one in told:
+        schema.validate(one)
+    kinds = [one["event"] for one in told]
+    once = {"start", "airframe", "end"}
+    assert {*kinds} == once | {"notice", "window", "condition", "alert", "stale", "status"}
+    assert (kinds[0], kinds[-1]) == ("start", "end")
+    assert told[-1]["record"]["bytes"] == rig.recorder.bytes
