@@ -78,7 +78,7 @@ def serve(
     from mavhums.learn import load_model
     from mavhums.serve.server import serve as serve_page
     from mavhums.serve.sessions import ServeOptions
-    from mavhums.serve.workers import Quotas
+    from mavhums.serve.uploads import Quotas
 
     if isinstance(options.model, str):
         load_model(options.model)  # a wrong name is refused now, not with the first log that somebody drops

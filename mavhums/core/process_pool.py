@@ -63,7 +63,7 @@ def in_processes(
 
     waiting = iter(items)
     ahead: deque[tuple[Item, Future[Result]]] = deque()
-    with _pool(function, jobs, preload, item_s) as submit:
+    with process_pool(function, jobs, preload=preload, item_s=item_s) as submit:
         while True:
             ahead.extend((item, submit(item)) for item in islice(waiting, jobs * _AHEAD - len(ahead)))
             if not ahead:
@@ -87,10 +87,29 @@ def _result(future: Future[Result]) -> Result:
 
 
 @contextmanager
-def _pool(
-    function: Callable[[Item], Result], jobs: int, preload: Sequence[str], item_s: float | None
+def process_pool(
+    function: Callable[[Item], Result],
+    jobs: int,
+    *,
+    preload: Sequence[str] = (),
+    item_s: float | None = None,
+    items: int = 0,
+    begin: Callable[[], None] | None = None,
 ) -> Generator[Callable[[Item], Future[Result]]]:
-    """Yield what passes an item to processes that run one function; at the end they end, whatever they do."""
+    """Yield what passes an item to processes that run one function; at the end they end, whatever they do.
+
+    A future raises ``TimeoutError`` where its item took too long, and pebble's ``ProcessExpired`` where the
+    process died; one that is cancelled ends the process that works on it.
+
+    Parameters
+    ----------
+    function, jobs, preload, item_s
+        As for :func:`in_processes`.
+    items
+        Items after which a process is replaced; 0 for never.
+    begin
+        Called first in each process.
+    """
     from pebble import ProcessPool
 
     forks = "forkserver" in multiprocessing.get_all_start_methods()
@@ -109,7 +128,7 @@ def _pool(
     for limit in ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_"):
         # Without these, the memory of each item is returned to the system and fetched again, page by page.
         os.environ.setdefault(limit, str(32 << 20))
-    pool = ProcessPool(jobs, initializer=_begin, initargs=(function,), context=context)
+    pool = ProcessPool(jobs, items, initializer=_begin, initargs=(function, begin), context=context)
 
     def submit(item: Item) -> Future[Result]:
         with _interrupts_wait():
@@ -163,13 +182,15 @@ def _blocked_in_children() -> Generator[None]:
 _function: Callable[[Any], Any]
 
 
-def _begin(function: Callable[[Any], Any]) -> None:
+def _begin(function: Callable[[Any], Any], begin: Callable[[], None] | None) -> None:
     """Prepare a new process: Ctrl-C is the caller's to handle, and the process ends with the caller."""
     global _function  # noqa: PLW0603 — the only way that a pool offers to send data once to a process
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a handler would wait for the end of a compiled loop
     Thread(target=_end_with_caller, daemon=True).start()
     _function = function
+    if begin is not None:
+        begin()
 
 
 def _end_with_caller() -> None:

@@ -131,7 +131,7 @@ def _application(options: ServeOptions, sessions: Sessions, workers: Workers) ->
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        await workers.start()
+        workers.start()
         janitor = asyncio.create_task(sessions.forget_old())
         try:
             yield

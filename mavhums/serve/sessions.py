@@ -16,8 +16,9 @@ from typing import Any, Literal
 from mavhums.app.settings import Options
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.uploads import is_archive, receive, safe_name
-from mavhums.serve.workers import Job, Progress, Quotas, Workers
+from mavhums.serve.uploads import Quotas, is_archive, receive, safe_name
+from mavhums.serve.worker import Job
+from mavhums.serve.workers import Progress, Workers
 
 State = Literal["waiting", "judging", "done", "failed"]
 

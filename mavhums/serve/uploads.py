@@ -8,7 +8,7 @@ import os
 import re
 import shutil
 from collections.abc import AsyncIterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Final, NamedTuple
@@ -20,13 +20,44 @@ from mavhums.core.packed import COMPRESSED, members
 from mavhums.core.process_pool import LostItem, in_processes
 from mavhums.flights.aircraft import UnnamedAircraftError
 from mavhums.log.reader import read_blocks
-from mavhums.serve.workers import Quotas
 
 _MOST_BYTES: Final = 150
 _SEPARATORS: Final = re.compile(r"[/\\]")
 _SPARE: Final = 256 << 20
 _LOGS: Final = ".logs"
 """Ends the name of the folder beside a store with the logs that were kept in it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quotas:
+    """What one user and one log may use.
+
+    Attributes
+    ----------
+    log_bytes
+        Size of a log.
+    upload_s
+        Time for an upload.
+    judge_s, memory_bytes
+        Wall-clock time and memory of one judgement; memory is limited on Linux only.
+    logs
+        Logs of one session.
+    sessions
+        Sessions that hold a log, at a time.
+    session_s
+        Time after which the logs of a session without an open page are removed.
+    workers
+        Processes that judge.
+    """
+
+    log_bytes: int = 1 << 30
+    upload_s: float = 900.0
+    judge_s: float = 300.0
+    memory_bytes: int = 2 << 30
+    logs: int = 50
+    sessions: int = 100
+    session_s: float = 1800.0
+    workers: int = 2
 
 
 def safe_name(name: str) -> str:

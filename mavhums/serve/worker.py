@@ -1,18 +1,10 @@
-"""The process that judges logs for the page: jobs come in as JSON lines, answers go out as JSON lines.
-
-It limits its own memory, and ends when the page's process ends. Nothing is pickled.
-"""
+"""What a process of the page does: it judges one log after the other, with limited memory."""
 
 from __future__ import annotations
 
-import json
 import os
-import queue
 import sys
-import threading
-import time
-from collections.abc import Callable
-from importlib import import_module
+from collections.abc import Callable, MutableSequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,43 +15,18 @@ from mavhums.core.packed import ArchiveError
 from mavhums.serve.uploads import take_logs
 from mavhums.show.headline import headline
 
-_TOLD_S: Final = 0.1
 _FILES: Final = 256
 
 Job = dict[str, Any]
-Tell = Callable[[Job], None]
 
 
-def main(memory_bytes: int) -> None:
-    """Judge until the standard input ends, with at most so much memory."""
-    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what a library prints must not be taken for an answer
-    jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(jobs,), daemon=True).start()
-    _limit(memory_bytes)
-
-    def tell(content: Job) -> None:
-        output.write(json.dumps(content) + "\n")
-        output.flush()
-
-    import_module("mavhums.engine.engine")  # so that the first log need not wait for it
-    tell({"ready": True})
-    while True:
-        tell(_done(jobs.get(), tell))
-
-
-def _listen(jobs: queue.SimpleQueue[Job]) -> None:
-    for line in sys.stdin:
-        jobs.put(json.loads(line))
-    os._exit(0)
-
-
-def _limit(memory_bytes: int) -> None:
+def limit(memory_bytes: int) -> None:
     """Limit memory and files of this process, and let others go first, where the system can."""
     if sys.platform == "win32":
         return
     import resource
 
+    os.dup2(2, 1)  # what a library prints is none of the server's output
     os.nice(5)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_NOFILE, (_FILES, _FILES))
@@ -67,8 +34,17 @@ def _limit(memory_bytes: int) -> None:
         resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, memory_bytes))
 
 
-def _done(job: Job, tell: Tell) -> Job:
-    """Return the answer to a job, whatever happens."""
+def answer(read: MutableSequence[int], placed: tuple[int, Job]) -> Job:
+    """Return the answer to a job, whatever happens; ``read`` has at its place how many bytes were read."""
+    place, job = placed
+
+    def progress(count: int) -> None:
+        read[place] = count
+
+    return _answer(job, progress)
+
+
+def _answer(job: Job, progress: Callable[[int], None]) -> Job:
     log = Path(job["log"])
     try:
         if job["do"] == "unpack":
@@ -76,7 +52,7 @@ def _done(job: Job, tell: Tell) -> Job:
         settings = _settings(job)
     except Exception as error:
         return _refusal(Failed.of(log, error), job)
-    judged = judge(log, settings, _sinks(job), _reporting(tell))
+    judged = judge(log, settings, _sinks(job), progress)
     if isinstance(judged, Failed):
         return _refusal(judged, job)
     if job["do"] == "record":
@@ -102,19 +78,6 @@ def _refusal(failed: Failed, job: Job) -> Job:
     return {"problem": failed.problem.replace(folder, ""), "remedy": remedy.replace(folder, "")}
 
 
-def _reporting(tell: Tell) -> Callable[[int], None]:
-    """Return a function that reports how much was read, some times a second."""
-    told_s = 0.0
-
-    def progress(read: int) -> None:
-        nonlocal told_s
-        if time.monotonic() - told_s > _TOLD_S:
-            told_s = time.monotonic()
-            tell({"read": read})
-
-    return progress
-
-
 def _unpack(job: Job) -> Job:
     taken = take_logs(Path(job["log"]), Path(job["into"]), job["most_bytes"], job["most_logs"])
     return {"logs": None} if taken is None else {"logs": list(map(str, taken.logs)), "others": taken.others}
@@ -124,7 +87,3 @@ def _settings(job: Job) -> Settings:
     settings = Settings.read(Options(**job["options"]))
     # the page's store begins with the first log that somebody keeps
     return settings if settings.store is None or settings.store.exists else settings.alone()
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]))

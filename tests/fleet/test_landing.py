@@ -127,18 +127,12 @@ def test_a_repair_that_was_a_mistake_leaves_nothing(
 @pytest.mark.slow
 def test_the_page_judges_by_the_flights_in_its_store(kept: Path, tmp_path: Path) -> None:
     """On the page the board names the aircraft."""
+    from mavhums.serve.worker import answer
+
     healthy, log = sorted((kept / "D-A").glob("[01]*")), kept / "D-A" / "landed.tlog"
     store = tmp_path / "store"
     fleet.scan(healthy, store, fleet.ScanOptions(workers=0))
-    command = [sys.executable, "-m", "mavhums.serve.worker", str(2 << 30)]
     report = str(tmp_path / "report.html")
     job = {"do": "judge", "log": str(log), "report": report, "options": {"store": str(store)}}
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as worker:
-        assert worker.stdin
-        assert worker.stdout
-        worker.stdin.write(json.dumps(job) + "\n")
-        worker.stdin.flush()
-        answer = next(line for line in worker.stdout if "brief" in line or "problem" in line)
-        worker.stdin.close()
-    assert json.loads(answer)["brief"]["condition"] == "degraded"
+    assert answer([0], (0, job))["brief"]["condition"] == "degraded"
     assert fleet.status(store).judged == FLIGHTS

@@ -172,16 +172,16 @@ def test_the_page_offers_what_is_read() -> None:
 
 
 def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> None:
-    from mavhums.serve.worker import _done
+    from mavhums.serve.worker import answer
 
     with zipfile.ZipFile(tmp_path / "several.zip", "w") as archive:
         for log in sorted((flown / "D-A").iterdir())[:2]:
             archive.write(log, log.name)
     job = {"do": "judge", "log": str(tmp_path / "several.zip"), "report": str(tmp_path / "r"), "options": {}}
-    answer = _done(job, lambda _: None)
-    assert str(tmp_path) not in json.dumps(answer)
-    assert "contains 2 files" in answer["problem"]
-    assert "drop the logs in it" in answer["remedy"]
+    told = answer([0], (0, job))
+    assert str(tmp_path) not in json.dumps(told)
+    assert "contains 2 files" in told["problem"]
+    assert "drop the logs in it" in told["remedy"]
 
 
 @pytest.mark.parametrize("wrong", ["D-X/rudder", "D-A/ruder", "ruder", "D-X/"])

@@ -13,8 +13,8 @@ import pytest
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.sessions import Sessions, UserSession
-from mavhums.serve.uploads import take_logs
-from mavhums.serve.workers import Quotas, Workers
+from mavhums.serve.uploads import Quotas, take_logs
+from mavhums.serve.workers import Workers
 from tests.present import present
 from tests.serve.test_sessions import content, settled
 
@@ -64,7 +64,7 @@ def test_the_page_judges_each_log_of_an_archive(mixed: Path, tmp_path: Path) -> 
 
     async def whole() -> UserSession:
         workers = Workers(Quotas(workers=1))
-        await workers.start()
+        workers.start()
         sessions = Sessions(Quotas(), Options(airframe="paper"), workers)
         try:
             await sessions.add("a", "flights.zip", content(mixed.read_bytes()))

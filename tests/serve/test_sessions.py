@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,9 @@ import pytest
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.serve.sessions import Sessions, UserSession
-from mavhums.serve.workers import Job, Progress, Quotas, Workers
+from mavhums.serve.uploads import Quotas
+from mavhums.serve.worker import Job
+from mavhums.serve.workers import Progress, Workers
 
 BRIEF = {"condition": "normal", "word": "", "text": "All normal", "todo": "nothing"}
 
@@ -153,33 +156,27 @@ async def test_uploads_without_a_page_take_no_session_from_a_user_with_one(sessi
 async def test_who_looks_at_a_page_does_not_wait_for_logs_that_nobody_looks_at() -> None:
     order: list[str] = []
 
-    class Slow(Judged):
-        async def run(self, user: str, job: Job, progress: Progress) -> Job:
-            return await Workers.run(self, user, job, progress)
-
-    class Worker:
-        usable = True
-
-        async def wait_ready(self) -> None:
-            pass
-
-        async def ask(self, job: Job, progress: Progress) -> Job:
+    class Slow(Workers):
+        def _submitted(self, place: int, job: Job) -> Future[Job]:
             order.append(Path(job["log"]).name)
-            await asyncio.sleep(0)
-            return {"brief": BRIEF}
+            done = Future[Job]()
+            if first.done():
+                done.set_result({"brief": BRIEF})
+            return done if first.done() else first
 
-    workers = Slow()
-    sessions = Sessions(Quotas(), Options(airframe="paper"), workers)
+    first = Future[Job]()
+    limits = Quotas(workers=1)
+    sessions = Sessions(limits, Options(airframe="paper"), Slow(limits))
     users = [*map(str, range(9)), "user"]
     for user in users:
         await sessions.add(user, f"{user}.tlog", content(b"a"))
     sessions.get("user").touch()
-    await asyncio.sleep(0)  # all of them wait
-    workers._hand(Worker())  # type: ignore[arg-type]
+    await asyncio.sleep(0)  # all but the first wait
+    first.set_result({"brief": BRIEF})
     for user in users:
         await settled(sessions.get(user))
     sessions.close()
-    assert order == ["user.tlog", *(f"{number}.tlog" for number in range(9))]
+    assert order == ["0.tlog", "user.tlog", *(f"{number}.tlog" for number in range(1, 9))]
 
 
 @pytest.mark.parametrize("sessions", [Quotas(sessions=1)], indirect=True)

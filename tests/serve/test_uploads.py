@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.uploads import check_size, receive, safe_name
-from mavhums.serve.workers import Quotas
+from mavhums.serve.uploads import Quotas, check_size, receive, safe_name
 
 SMALL = Quotas(log_bytes=1000, upload_s=0.1)
 
