@@ -60,7 +60,3 @@ SURELY_FOLLOWS_SHARE: Final = 2.0
 # Seconds of two that a motor must push in vain: none of healthy actuators, 0.1 with 2.0 N·m of friction
 # (docs/evidence/actuators.md, short jams).
 STALLED_SECONDS: Final = 0.5
-
-# Share of values that no such actuator can have from which they are the reason of a missing verdict. By
-# hand.
-IMPLAUSIBLE_SHARE: Final = 0.1

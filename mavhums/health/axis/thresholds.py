@@ -168,9 +168,6 @@ FASTEST_ROLL_DEG_S: Final = 45
 # 22 m/s; what is slower is a lost elevator, or a dive that the pilot wants.
 NOSE_RISES_DEG_S: Final = 5
 
-# Share of a stream that comes too late from which a reason names it: below, its verdicts hardly change.
-MOST_LATE_SHARE: Final = 0.2
-
 # Largest ratio of the outputs' rates of two flights whose responses are compared: the gain of pitch at 4 Hz
 # is 0.8 to 1.0 of that at 10 Hz (software in the loop).
 PAST_RATE_RATIO: Final = 3.0

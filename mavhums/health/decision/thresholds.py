@@ -75,3 +75,7 @@ LASTING_FLIGHTS: Final = 5
 # that is put on anew sits otherwise; beyond it, a comparison of a servo says at which rate of false alarms it
 # would be. By hand.
 USEFUL_RISE: Final = 0.5
+
+# Share of a stream that comes too late, or of values that no such actuator can have, from which a reason
+# names it: below, verdicts hardly change. By hand.
+NAMED_SHARE: Final = 0.2

@@ -12,8 +12,8 @@ from mavhums.actuator.plausibility import not_used
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
-from mavhums.health.actuator.thresholds import IMPLAUSIBLE_SHARE
 from mavhums.health.decision.conditions import since
+from mavhums.health.decision.thresholds import NAMED_SHARE
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import obstacle, unjudged
 from mavhums.results.reasons import Reason, said
@@ -162,7 +162,7 @@ def _unmonitored(
 def _absurd(implausible: Mapping[str, tuple[int, int]]) -> Reason | None:
     """Return the reason if most values of a quantity are implausible for this actuator."""
     shares = {key: refused / told for key, (refused, told) in implausible.items()}
-    worst = [key for key, share in shares.items() if share > IMPLAUSIBLE_SHARE]
+    worst = [key for key, share in shares.items() if share > NAMED_SHARE]
     if not worst:
         return None
     return Reason("implausible", percent=100 * max(shares.values()), quantities=", ".join(worst))

@@ -16,13 +16,12 @@ from mavhums.health.axis.thresholds import (
     GAIN_ERROR,
     JUDGED_ERROR,
     LEAST_SPEED_SHARE,
-    MOST_LATE_SHARE,
     MOST_PITCH_DEG,
     NORMAL_EFFECTIVENESS,
     REFERENCE_S,
     SLOW_STREAM_S,
 )
-from mavhums.health.decision.thresholds import MOST_BANK_DEG, NORMAL_S
+from mavhums.health.decision.thresholds import MOST_BANK_DEG, NAMED_SHARE, NORMAL_S
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import Verdict
@@ -223,7 +222,7 @@ def disorder(received: Mapping[str, Received]) -> str:
     return ", ".join(
         f"of {message} {kept} of {kept + late} samples came in time"
         for message, (kept, late, _) in received.items()
-        if late > MOST_LATE_SHARE * (kept + late)
+        if late > NAMED_SHARE * (kept + late)
     )
 
 

@@ -17,6 +17,7 @@ from mavhums.health.estimation.equations.data_sheet import (
     TORQUE_PER_SAMPLE,
     VOLTAGE,
 )
+from mavhums.health.estimation.equations.interface import load_friction_prior
 from mavhums.health.estimation.motion import Motion
 
 Array = NDArray[np.float64]
@@ -140,3 +141,10 @@ def test_the_flank_is_certain_under_a_large_load_or_one_that_opposes(
     assert X.tolist() == [[np.sign(load), load, np.sign(speed), 1.0]]
     assert y == pytest.approx([0.5])
     assert usable.tolist() == [certain]
+
+
+def test_an_unknown_friction_by_load_may_be_any_up_to_that_of_a_screw_that_holds_its_load() -> None:
+    """A gear that loses half of the load holds it by itself; all below are as likely."""
+    drawn = np.random.default_rng(0).uniform(0.0, 0.5, 100_000)
+    prior = load_friction_prior(actuator_of(load_friction=None).known_ema())
+    assert prior == pytest.approx((drawn.mean(), drawn.std()), rel=0.01)

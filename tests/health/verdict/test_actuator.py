@@ -29,7 +29,7 @@ SURE = Suspect(fault="friction", confidence=0.987654)
 
 def verdict(condition: Condition = "degraded", end_s: float = 100.0, **changes: Any) -> Verdict:
     """Return the verdict on a flight whose telemetry ends at 90 s."""
-    implausible = changes.pop("implausible", {"V5": (9, 100)})
+    implausible = changes.pop("implausible", {"V5": (19, 100)})
     provenance = changes.pop("provenance", {"V5": "A.b", "V7": "A.c"})
     actuator = actuator_of().model_copy(update=changes.pop("actuator", {}))
     findings: Any = SimpleNamespace(
@@ -90,7 +90,7 @@ def test_what_binds_is_told(measured: tuple[str, ...], changes: dict[str, Any], 
 
 
 def test_absurd_values_are_told_before_what_else_is_missing() -> None:
-    found = verdict("undecided", implausible={"V5": (11, 100)})
+    found = verdict("undecided", implausible={"V5": (21, 100)})
     assert found.reason_codes == ("implausible",)
-    assert "11 % of the values of V5 are" in (found.reason or "")
-    assert verdict("degraded", implausible={"V5": (11, 100)}).reason is None
+    assert "21 % of the values of V5 are" in (found.reason or "")
+    assert verdict("degraded", implausible={"V5": (21, 100)}).reason is None
