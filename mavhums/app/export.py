@@ -252,7 +252,8 @@ def export_curves(
     MavhumsError
         If nothing of the log was judged, or the file cannot be written.
     """
-    from mavhums.show.evidence import EvidenceCollector, evidence
+    from mavhums.show.curves import EvidenceCollector
+    from mavhums.show.evidence import evidence
     from mavhums.show.html_plot import curve_table, flight_charts
 
     output, gathered = Path(output), EvidenceCollector()

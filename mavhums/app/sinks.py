@@ -119,7 +119,7 @@ class Report:
 
 class _ReportWriter:
     def __init__(self, file: Path, parts: Place | None) -> None:
-        from mavhums.show.evidence import EvidenceCollector
+        from mavhums.show.curves import EvidenceCollector
 
         self._file, self._parts, self._evidence = file, parts, EvidenceCollector()
 

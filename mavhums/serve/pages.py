@@ -35,7 +35,7 @@ from mavhums.serve.views import (
     tally,
     trends_shown,
 )
-from mavhums.show.evidence import EvidenceCollector
+from mavhums.show.curves import EvidenceCollector
 from mavhums.show.html import draw, environment, parts
 from mavhums.show.trend import trend_blocks
 

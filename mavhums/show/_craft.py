@@ -14,7 +14,7 @@ import rerun as rr
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.show._signals import RowWriter
-from mavhums.show.evidence import Thinner
+from mavhums.show.curves import Thinner
 from mavhums.show.outline import V_TAIL, Place, kind, places
 from mavhums.show.words import BLUE, YELLOW
 from mavhums.vehicle.states import FlightMode, Position

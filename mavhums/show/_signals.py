@@ -15,7 +15,7 @@ from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
 from mavhums.health.decision.events import Classified
 from mavhums.results.verdict import ABSTAINED, OUTSIDE
-from mavhums.show.evidence import Thinner
+from mavhums.show.curves import Thinner
 from mavhums.show.words import COLOURS, PALE_BLUE, SERIES, STALE_COLOUR
 
 APPLICATION: Final = "mavhums"

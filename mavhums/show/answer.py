@@ -33,7 +33,7 @@ from mavhums.show.words import (
 )
 
 if TYPE_CHECKING:
-    from mavhums.show.evidence import EvidenceCollector
+    from mavhums.show.curves import EvidenceCollector
 
 _LATEST: Final = (2, 1)  # findings of a short answer: of the gravest subject, of each other one
 _UNKNOWN: Final = 2  # reasons of a short answer why something is not judged; none beside what is wrong

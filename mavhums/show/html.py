@@ -11,7 +11,7 @@ from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
 from mavhums.show.blocks import Block, Curves, Headline, Note
-from mavhums.show.evidence import EvidenceCollector
+from mavhums.show.curves import EvidenceCollector
 from mavhums.show.html_plot import flight_charts, plot
 from mavhums.show.words import COLOURS, SIGNS, clock
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.core.output import no_formula, printable
-from mavhums.show.evidence import CaptionedCurve, Curve, EvidenceCollector, Limit
+from mavhums.show.curves import Curve, EvidenceCollector
+from mavhums.show.evidence import CaptionedCurve, Limit
 from mavhums.show.words import clock
 
 if TYPE_CHECKING:

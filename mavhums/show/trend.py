@@ -19,7 +19,8 @@ from mavhums.results.standing import (
 )
 from mavhums.results.verdict import Interval
 from mavhums.show.blocks import Block, Cell, Column, Headline, Mark, Note, TableBlock
-from mavhums.show.evidence import Curve, Limit
+from mavhums.show.curves import Curve
+from mavhums.show.evidence import Limit
 from mavhums.show.html_plot import Chart, chart
 from mavhums.show.standing import growth_words, left_words, sentences, since_words, soonest_words, step_words
 from mavhums.show.words import capital, group_name, join, levels, subject_of

@@ -18,7 +18,7 @@ from mavhums.show import html as html_report
 from mavhums.show import markdown_report, terminal
 from mavhums.show.answer import blocks
 from mavhums.show.blocks import Anchor, Block, Cell, Facts, Finding, Headline, Listing, Mark, Note, TableBlock
-from mavhums.show.evidence import EvidenceCollector
+from mavhums.show.curves import EvidenceCollector
 
 FLIGHTS = Path(__file__).parents[1] / "data"
 SENTENCE = re.compile(r"(?:[^\W\d_]{2,}[ ,;:]+){3,}[^\W\d_]{2,}")

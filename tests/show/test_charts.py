@@ -7,7 +7,8 @@ import json
 import numpy as np
 
 from mavhums.health.decision.events import ConditionChanged
-from mavhums.show.evidence import CaptionedCurve, Curve, EvidenceCollector, Limit
+from mavhums.show.curves import Curve, EvidenceCollector
+from mavhums.show.evidence import CaptionedCurve, Limit
 from mavhums.show.html_plot import chart, flight_charts
 from mavhums.vehicle.states import FlightMode, Position
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mavhums.health.decision.events import Classified
 from mavhums.results.assessment import Assessment
-from mavhums.show.evidence import EvidenceCollector
+from mavhums.show.curves import EvidenceCollector
 from mavhums.show.html import page
 from tests.present import present
 from tests.show.conftest import Flight

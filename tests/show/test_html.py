@@ -17,7 +17,8 @@ from mavhums.health.decision.events import Indication, Trace
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Coverage, Evidence, Suspect, Verdict
 from mavhums.show.blocks import Craft
-from mavhums.show.evidence import CaptionedCurve, Curve, EvidenceCollector, Limit
+from mavhums.show.curves import Curve, EvidenceCollector
+from mavhums.show.evidence import CaptionedCurve, Limit
 from mavhums.show.html import page
 from mavhums.show.html_plot import plot
 from mavhums.show.outline import outline

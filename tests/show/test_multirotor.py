@@ -12,7 +12,7 @@ from mavhums.health.decision.events import ConditionChanged
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.results.verdict import Coverage, Interval, Verdict
-from mavhums.show.evidence import EvidenceCollector
+from mavhums.show.curves import EvidenceCollector
 from mavhums.show.headline import headline
 from mavhums.show.html import page
 from mavhums.show.markdown_report import markdown

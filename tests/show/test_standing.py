@@ -14,7 +14,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.sections import FlightEvent
 from mavhums.results.verdict import Coverage, Evidence, Interval, Verdict
-from mavhums.show.evidence import EvidenceCollector
+from mavhums.show.curves import EvidenceCollector
 from mavhums.show.headline import NOT_JUDGED, headline
 from mavhums.show.html import page
 from mavhums.show.markdown_report import markdown

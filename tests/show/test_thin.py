@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavhums.show.evidence import Thinner
+from mavhums.show.curves import Thinner
 
 CAPACITY = 16
 
