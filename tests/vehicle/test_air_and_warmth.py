@@ -43,20 +43,6 @@ def test_the_airspeed_of_the_last_minute_is_known_and_older_ones_are_forgotten()
     assert airspeeds.at(1, np.array([], dtype=np.int64)).size == 0
 
 
-@pytest.mark.parametrize(
-    ("message", "field"), [("ARSP", "Airspeed"), ("airspeed", "indicated_airspeed_m_s")], ids=["BIN", "ulg"]
-)
-def test_on_board_logs_tell_the_airspeed_too(message: str, field: str) -> None:
-    fields = np.array([(0, 20.0), (1, 99.0), (0, 25.0)], dtype=[("I", "u1"), (field, "f4")])
-    if message == "airspeed":
-        fields = fields[[0, 2]][[field]]
-    airspeeds = Airspeeds()
-    airspeeds.feed({message: table_of(message, fields)})
-    last_us = np.array([(len(fields) - 1) * SECOND])
-    np.testing.assert_array_equal(airspeeds.at(1, np.array([0])), [20.0])
-    np.testing.assert_array_equal(airspeeds.at(1, last_us), [25.0])
-
-
 def test_a_current_is_known_beside_a_slip_out_of_turns_and_an_error_of_the_compass() -> None:
     """The boat changes its speed as well, and some of its reports are not finite."""
     current, yaw_rate, rng = Current(), 0.08, np.random.default_rng(3)

@@ -38,20 +38,17 @@ def test_every_frame_becomes_a_record_however_it_is_cut(
     one: list[Record], other: list[Record], data: st.DataObject
 ) -> None:
     """Two senders, each cut anywhere, the pieces of both interleaved and fed in any blocks."""
-    pieces = []
+    stamper, pieces = Stamper(load_dialect()), []
     for name, sent in (("one", one), ("other", other)):
-        size = sum(len(record.data) - 8 for record in sent)
-        pieces += pieces_of(name, sent, data.draw(cuts(size)))
+        pieces += pieces_of(name, sent, data.draw(cuts(sum(len(record.data) - 8 for record in sent))))
     pieces.sort(key=lambda piece: piece.time_us)
-    stamper = Stamper(load_dialect())
     bounds = [0, *data.draw(cuts(len(pieces))), len(pieces)]
     out = b"".join(stamper.feed(pieces[a:b]) for a, b in itertools.pairwise(bounds))
     out += stamper.close(START_US + 1000)
-    sent_frames = sorted(record.data[8:] for record in one + other)
-    assert sorted(frames_in(out)) == sent_frames
+    assert sorted(frames_in(out)) == sorted(record.data[8:] for record in one + other)
     decoder = Decoder()
     decoder.feed(out, final=True)
-    assert sum(decoder.counts.values()) == len(sent_frames)
+    assert sum(decoder.counts.values()) == len(one + other)
     assert not decoder.losses.any
     assert stamper.counts.bytes_skipped == 0
 
