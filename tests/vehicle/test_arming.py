@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mavhums import analyse
-from mavhums.engine.engine import Engine
 from mavhums_sim import dataflash
 from mavhums_sim.dataflash import records, write_records
+from tests.judge import judged
 
 ARMED_S, DISARMED_S, END_S = 5.0, 65.0, 80.0
 
@@ -23,15 +23,10 @@ def log(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Monk
     time_s = np.arange(0.0, END_S, 0.1)
     sent = dict.fromkeys(outputs.split(","), 1500 + 100 * (time_s > 10.0))
     path = tmp_path / "copter.BIN"
-    write_records(
-        [
-            records("MSG", np.zeros(1), Message=b"ArduCopter V4.5.7"),
-            records("MODE", np.zeros(1), Mode=5, ModeNum=5, Rsn=1),
-            records("EV", np.array([ARMED_S, 9.0, DISARMED_S]), Id=np.array([10, 28, 11])),
-            records("RCOU", time_s, **sent),
-        ],
-        path,
-    )
+    mode = records("MODE", np.zeros(1), Mode=5, ModeNum=5, Rsn=1)
+    said = records("MSG", np.zeros(1), Message=b"ArduCopter V4.5.7")
+    events = records("EV", np.array([ARMED_S, 9.0, DISARMED_S]), Id=np.array([10, 28, 11]))
+    write_records([said, mode, events, records("RCOU", time_s, **sent)], path)
     return path
 
 
@@ -39,22 +34,14 @@ def test_armed_time_is_that_between_the_events(log: Path) -> None:
     [usage] = analyse(log).usage
     assert usage.armed_s == pytest.approx(DISARMED_S - ARMED_S, abs=0.2)
     assert {output.servo for output in usage.outputs if output.commanded} == {1, 2, 3, 4}
-    cut = Engine()
-    for block in (log.read_bytes()[k : k + 777] for k in range(0, log.stat().st_size, 777)):
-        cut.feed(block)
-    cut.finish()
-    assert cut.assessment().usage == (usage,)
+    assert judged(log.read_bytes(), size=777)[0].usage == (usage,)
 
 
 @pytest.mark.parametrize("size", [777, 1 << 20])
 def test_the_time_before_a_first_disarming_is_not_known(log: Path, size: int) -> None:
     """A log that begins while armed records the disarming alone."""
     arms = records("EV", np.array([ARMED_S]), Id=10).rows.tobytes()
-    content, cut = log.read_bytes(), Engine()
+    content = log.read_bytes()
     assert content.count(arms) == 1
-    content = content.replace(arms, b"")
-    for k in range(0, len(content), size):
-        cut.feed(content[k : k + size])
-    cut.finish()
-    [usage] = cut.assessment().usage
+    [usage] = judged(content.replace(arms, b""), size=size)[0].usage
     assert usage.armed_s is None

@@ -12,11 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from mavhums.engine.engine import Engine
-from mavhums.engine.options import EngineOptions
 from mavhums.vehicle.formats.dataflash import SERVO_SOURCES, SOURCES
 from mavhums_sim import Flight, fly
-from mavhums_sim import dataflash as writer
+from mavhums_sim import dataflash as recorder
+from tests.judge import judged
+from tests.log.ulog import writer
 from tests.log.ulog.writer import FLIGHT, TOPICS, flown
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -40,10 +40,10 @@ def dataflash_log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     path = tmp_path_factory.mktemp("fields") / "whole.BIN"
     flight = Flight(seed=3, duration_s=3.0, rate_hz=20.0, tiers=("csrv", "esc-unsigned", "named", "pwm"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writer, "_TYPES", writer._TYPES | _BIN_READ)
-        kinds = [*writer._kinds(fly(flight), 1_700_000_000_000_000)]
+        patch.setattr(recorder, "_TYPES", recorder._TYPES | _BIN_READ)
+        kinds = [*recorder._kinds(fly(flight), 1_700_000_000_000_000)]
         time_s = np.arange(0, 3, 0.1)
-        writer.write_records([*kinds, *(writer.records(name, time_s) for name in _BIN_READ)], path)
+        recorder.write_records([*kinds, *(recorder.records(name, time_s) for name in _BIN_READ)], path)
     return path.read_bytes()
 
 
@@ -66,9 +66,9 @@ def damaged_dataflash(log: bytes) -> Damaged:
 
     A definition without a field contradicts its length: all its records are unknown then.
     """
-    wanted = {source.message for source in SOURCES} | {source.message for source in SERVO_SOURCES}
+    wanted = {"DSF", "GPS"} | {source.message for source in (*SOURCES, *SERVO_SOURCES)}
     for place, name in _definitions(log):
-        if name not in wanted | {"DSF", "GPS"}:
+        if name not in wanted:
             continue
         letters = log[place + 9 : place + 25].rstrip(b"\0").decode()
         columns = log[place + 25 : place + 89].rstrip(b"\0").decode().split(",")
@@ -89,7 +89,8 @@ def damaged_ulog(log: bytes) -> Damaged:
     topics = {name: "uint64_t timestamp;" + fields for name, (_, fields) in TOPICS.items()}
     topics["esc_report"] = FLIGHT["esc_report"]
     for topic, fields in topics.items():
-        whole = f"{topic}:{fields}".encode()
+        whole = writer.form(topic, fields)
+        assert whole in log
         for field in fields.split(";")[:-1]:
             kind, _, name = field.partition(" ")
             base, _, count = kind.rstrip("]").partition("[")
@@ -102,14 +103,11 @@ def damaged_ulog(log: bytes) -> Damaged:
                     "one less": f"uint8_t[{size - 1}] {name};uint8_t x;" if size > 1 else f"int8_t {name};",
                     "removed": f"uint8_t[{size}] _padding9;",
                 }
-            ways = []
-            for how, new in changes.items():
-                body = whole.replace(f"{field};".encode(), new.encode(), 1)
-                old = (len(whole)).to_bytes(2, "little") + b"F" + whole
-                assert old in log
-                damaged = log.replace(old, len(body).to_bytes(2, "little") + b"F" + body, 1)
-                ways.append((f"{topic}.{name} {how}", damaged))
-            yield ways
+            forms = {how: fields.replace(f"{field};", new, 1) for how, new in changes.items()}
+            yield [
+                (f"{topic}.{name} {how}", log.replace(whole, writer.form(topic, new), 1))
+                for how, new in forms.items()
+            ]
 
 
 def failures(fields: Damaged) -> list[str]:
@@ -117,11 +115,8 @@ def failures(fields: Damaged) -> list[str]:
     failed = []
     for number, ways in enumerate(fields):
         what, log = ways[number % len(ways)]
-        engine = Engine(EngineOptions(vehicle_states=True))
         try:
-            engine.feed(log)
-            engine.finish()
-            engine.assessment()
+            judged(log, vehicle_states=True)
         except Exception as error:
             failed.append(f"{what}: {type(error).__name__}: {error}")
     return failed

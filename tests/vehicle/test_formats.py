@@ -25,18 +25,8 @@ KNOWS = (ROOM / "log", ROOM / "vehicle" / "formats")
 WORDS = {"airspeed", "info", "parameter", "ESC", "GPS", "IMU", "RPM", "MODE", "POS", "STAT", "EVENT", "PING"}
 """Messages whose names are also words of the field: facts, kinds of telemetry, parts of a vehicle."""
 
-RECORDS = {
-    "BARO",
-    "XKF1",
-    "NKF1",
-    "AHR2",
-    "CTUN",
-    "ERR",
-    "VIBE",
-    "sensor_baro",
-    "vehicle_command",
-    "battery_status",
-}
+RECORDS = {"BARO", "XKF1", "NKF1", "AHR2", "CTUN", "ERR", "VIBE"}
+RECORDS |= {"sensor_baro", "vehicle_command", "battery_status"}
 """Messages of on-board logs that no table here reads."""
 
 

@@ -44,15 +44,6 @@ def followed(flown: Seconds, thrust: Any, block: int = 1000) -> tuple[Array, lis
     return airborne, [event for part in parts for event in part.events], parts[-1]
 
 
-def test_a_copter_that_runs_its_motors_on_the_ground_does_not_fly() -> None:
-    """85 s at a sixth of the thrust, 0.0 m high, as a detector of a manual mode says in the air."""
-    airborne, events, _ = followed(
-        seconds(altitude=np.zeros(100), landed=np.full(100, 2.0)), np.where(np.arange(100) < 10, 0.0, 0.13)
-    )
-    assert not airborne.any()
-    assert events == []
-
-
 @pytest.mark.parametrize(
     ("signals", "thrust", "flies"),
     [
@@ -63,6 +54,7 @@ def test_a_copter_that_runs_its_motors_on_the_ground_does_not_fly() -> None:
         ({}, 0.3, True),  # nothing else is recorded
         ({"altitude": 30.0, "armed": 0.0}, 0.2, False),  # the altitude takes another origin
         ({"altitude": 0.0}, 0.2, False),
+        ({"altitude": 0.0, "landed": 2.0}, 0.13, False),  # motors on the ground, a detector of a manual mode
         ({"altitude": 1.0}, 0.01, False),  # a barometer in the wash, without throttle
         ({"landed": 1.0}, 0.3, False),
         ({"groundspeed": 3.0}, NAN, False),
@@ -71,12 +63,10 @@ def test_a_copter_that_runs_its_motors_on_the_ground_does_not_fly() -> None:
 )
 def test_each_evidence_has_its_trust(signals: dict[str, float], thrust: float, flies: bool) -> None:
     stands = np.arange(30) < 10
-    flown = seconds(
-        attitude=np.zeros(30),
-        **{k: np.where(stands, 0.0 if k == "altitude" else NAN, v) for k, v in signals.items()},
-    )
-    airborne, _, _ = followed(flown, np.where(stands, 0.0, thrust))
-    assert (bool(airborne[15:].all()), bool(airborne[:10].any())) == (flies, False)
+    told = {k: np.where(stands, 0.0 if k == "altitude" else NAN, v) for k, v in signals.items()}
+    airborne, events, _ = followed(seconds(attitude=np.zeros(30), **told), np.where(stands, 0.0, thrust))
+    assert airborne[15:].all() == flies == bool(events)
+    assert not airborne[: 10 if flies else 30].any()
 
 
 def test_the_hover_is_that_of_level_flight_and_blocks_do_not_matter() -> None:

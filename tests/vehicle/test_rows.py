@@ -67,12 +67,6 @@ def test_the_last_seconds_before_a_time(seconds: int, until_s: float, first: int
     np.testing.assert_array_equal(pulses[:, 2], 1000.0 + rows.roll)
 
 
-def test_nothing_comes_before_the_first_second() -> None:
-    assert kept(part(5, 2, fresh=True)).last(9, 5.0) is None
-    assert PastRows().last(9) is None
-    assert [*PastRows()] == []
-
-
 def test_the_oldest_rows_go_after_twenty_minutes() -> None:
     past = kept(part(0, 700, fresh=True), part(700, 500))
     assert past.is_whole

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -49,19 +49,13 @@ def logs(draw: st.DrawFn) -> bytes:
         letters = "Q" + draw(st.text(LETTERS.replace("a", ""), min_size=1, max_size=11))
         letters += "a" if k == 2 else ""
         columns = ",".join(["TimeUS", *(f"F{n}" for n in range(len(letters) - 1))])
-        if 3 + sum(np.dtype(_numpy(c)).itemsize for c in letters) > 255:
+        if 3 + sum(struct.calcsize("<" + CODES[c]) for c in letters) > 255:
             letters, columns = "QB", "TimeUS,F0"
         head.append(definition(k, f"M{k}", letters, columns))
         for _ in range(draw(st.integers(1, 4))):
             values = [1000 * len(rows), *(draw(_value(letter)) for letter in letters[1:])]
             rows.append(record(k, letters, values))
     return b"".join(head + rows)
-
-
-def _numpy(letter: str) -> str:
-    code = CODES[letter]
-    return {"32h": "(32,)i2", "e": "f2", "q": "i8", "Q": "u8", "i": "i4", "I": "u4", "h": "i2", "H": "u2",
-            "b": "i1", "B": "u1", "f": "f4", "d": "f8"}.get(code, f"S{code[:-1]}")  # fmt: skip
 
 
 @pytest.mark.slow
