@@ -21,8 +21,7 @@ from tests.live.conftest import verdicts
 HEALTHY = Path(__file__).parents[1] / "data" / "healthy.tlog"
 
 
-def whole(log: bytes) -> list[tuple[int, bytes]]:
-    return [*records(log)]
+SOUND = [*records(HEALTHY.read_bytes())]
 
 
 def log_of(stamped: list[tuple[int, bytes]]) -> bytes:
@@ -32,10 +31,9 @@ def log_of(stamped: list[tuple[int, bytes]]) -> bytes:
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [10_000, 1 << 22])
 def test_a_clock_that_is_set_in_flight_is_no_pause(size: int) -> None:
-    sound = whole(HEALTHY.read_bytes())
-    first, third = sound[0][0], len(sound) // 3
-    early = [(time_us - first + 10_000_000, frame) for time_us, frame in sound[:third]]
-    found, right = (judged(log, size=size)[0] for log in (log_of(early + sound[third:]), log_of(sound)))
+    first, third = SOUND[0][0], len(SOUND) // 3
+    early = [(time_us - first + 10_000_000, frame) for time_us, frame in SOUND[:third]]
+    found, right = (judged(log, size=size)[0] for log in (log_of(early + SOUND[third:]), log_of(SOUND)))
     assert found.log.duration_s == pytest.approx(right.log.duration_s, abs=0.1)
     starts = [datetime.fromisoformat(one.log.start_utc or "") for one in (found, right)]
     assert abs((starts[0] - starts[1]).total_seconds()) < 0.1
@@ -45,14 +43,14 @@ def test_a_clock_that_is_set_in_flight_is_no_pause(size: int) -> None:
 
 @pytest.mark.parametrize("cut", [3, 9, 14])
 def test_a_log_that_begins_within_a_frame_begins_with_the_next_time(cut: int) -> None:
-    sound = whole(HEALTHY.read_bytes())[:400]
+    sound = SOUND[:400]
     found = judged(log_of(sound)[cut:])[0]
     assert (found.log.start_utc or "")[:4] == datetime.fromtimestamp(sound[0][0] / 1e6).strftime("%Y")
     assert found.log.duration_s == pytest.approx((sound[-1][0] - sound[0][0]) / 1e6, abs=1.0)
 
 
 def undated() -> bytes:
-    return log_of([(time_us % 10**9, frame) for time_us, frame in whole(HEALTHY.read_bytes())[:400]])
+    return log_of([(time_us % 10**9, frame) for time_us, frame in SOUND[:400]])
 
 
 def test_a_log_without_a_date_says_that_it_is_not_compared() -> None:

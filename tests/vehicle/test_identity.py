@@ -52,9 +52,8 @@ def test_kinds_are_those_of_mavlink() -> None:
         assert (article == "an") == (words[0] in "aeioAEIO"), words
         found = heard("HEARTBEAT", (kind, 3, 0, 0), BEAT)
         assert found.vehicles == (() if kind in PERIPHERALS else (1,))
-        assert found.of(1).multirotor == ("VTOL" not in name and ("ROTOR" in name or "TRICOPTER" in name)), (
-            name
-        )
+        rotors = "VTOL" not in name and ("ROTOR" in name or "TRICOPTER" in name)
+        assert found.of(1).multirotor == rotors, name
 
 
 def test_autopilots_are_those_of_mavlink() -> None:
@@ -121,16 +120,14 @@ def test_a_text_names_the_kind_until_the_vehicle_says_its_own(
 
 
 def told_by_ulog(path: Path, *, kind: int, release: bytes) -> Identities:
-    start = 1_000_000
+    start, state = 1_000_000, "uint64_t timestamp;uint8_t system_type;uint8_t[7] _padding0;"
+    parts = [writer.header(start), writer.form("vehicle_status", state)]
+    parts += [writer.keyed("I", "char[3] sys_name", b"PX4"), writer.parameter("MAV_SYS_ID", 7)]
+    parts += [writer.keyed("I", f"char[{len(release)}] ver_sw_release", release)]
+    parts += [writer.keyed("I", "uint32_t ver_sw_release", struct.pack("<I", 0x011000FF))]
+    parts += [writer.subscribe(0, "vehicle_status")]
     path.write_bytes(
-        writer.header(start)
-        + writer.form("vehicle_status", "uint64_t timestamp;uint8_t system_type;uint8_t[7] _padding0;")
-        + writer.keyed("I", "char[3] sys_name", b"PX4")
-        + writer.keyed("I", f"char[{len(release)}] ver_sw_release", release)
-        + writer.keyed("I", "uint32_t ver_sw_release", struct.pack("<I", 0x011000FF))
-        + writer.parameter("MAV_SYS_ID", 7)
-        + writer.subscribe(0, "vehicle_status")
-        + b"".join(writer.data(0, struct.pack("<QB", start + k, kind)) for k in range(3))
+        b"".join([*parts, *(writer.data(0, struct.pack("<QB", start + k, kind)) for k in range(3))])
     )
     return identities(path)
 

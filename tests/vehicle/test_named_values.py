@@ -45,7 +45,13 @@ def test_inspect_lists_them_with_their_rate(run: Run, tmp_path: Path, name: str)
     path = tmp_path / "flight.tlog"
     path.write_bytes(log([name], seconds=21))
     told = json.loads(run("inspect", path, "--json").out)
-    expected = {"system": 7, "message": "NAMED_VALUE_FLOAT", "name": name, "count": 21, "rate_hz": round(21 / 20.5, 2)}
+    expected = {
+        "system": 7,
+        "message": "NAMED_VALUE_FLOAT",
+        "name": name,
+        "count": 21,
+        "rate_hz": round(21 / 20.5, 2),
+    }
     assert expected in told["named"]
     shown = run("inspect", path, "--messages").out
     assert name in shown

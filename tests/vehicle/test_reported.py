@@ -179,21 +179,20 @@ def test_against_pymavlink_on_logs_that_others_flew(path: Path, monkeypatch: pyt
     connection = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
     flags: dict[tuple[int, int, int], list[int]] = {}
     while (message := connection.recv_match(type=["POWER_STATUS", "SYS_STATUS", "POWR"])) is not None:
-        kind = message.get_type()
-        who = (0, 0) if kind == "POWR" else (message.get_srcSystem(), message.get_srcComponent())
-        supply = getattr(message, "Flags" if kind == "POWR" else "flags", None)
-        if supply is None:
+        logged = message.get_type() == "POWR"
+        who = (0, 0) if logged else (message.get_srcSystem(), message.get_srcComponent())
+        if message.get_type() == "SYS_STATUS":
             ill = message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health
             flags.setdefault((*who, 4), []).append(ill >> 15 & 1)
-        else:
-            for bit, invert in ((0, 1), (1, 1), (3, 0), (4, 0)):
-                flags.setdefault((*who, bit - 9), []).append(supply >> bit & 1 ^ invert)
+            continue
+        supply = message.Flags if logged else message.flags
+        for bit, invert in ((0, 1), (1, 1), (3, 0), (4, 0)):
+            flags.setdefault((*who, bit - 9), []).append(supply >> bit & 1 ^ invert)
     connection.close()
     rises = 0
     for (_, _, bit), values in flags.items():
         votes = [sum(values[k : k + 3]) > 1 for k in range(len(values) - 2)]
-        first = votes[:1] if bit < 0 else [False]
-        rises += sum(b > a for a, b in pairwise([*first, *votes]))
+        rises += sum(b > a for a, b in pairwise([*(votes[:1] if bit < 0 else [False]), *votes]))
     facts = "supply faults", "autopilot faults"
     tables = read_log(path, messages=sorted(messages_of(*facts))).tables
     assert sum(event.value or 0 for event in heard(*tables.values())) == rises

@@ -9,7 +9,6 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.engine.events import Event
-from mavhums.log import Table
 from mavhums.vehicle.states import Attitude, FlightMode, Position, VehicleStates
 from tests.conftest import real_logs
 from tests.judge import judged
@@ -61,22 +60,13 @@ def test_a_position_before_the_first_fix_is_none() -> None:
     assert found.time_s.tolist() == [pytest.approx(0.1), pytest.approx(0.2)]
 
 
-@pytest.mark.parametrize(
-    ("degrees", "is_one"),
-    [
-        ((90.0, 180.0), True),
-        ((-90.0, -180.0), True),
-        ((51.5, 179.9), True),
-        ((51.5, 180.1), False),
-        ((-90.1, 12.0), False),
-        ((0.01, 0.01), False),
-        ((0.0, 0.011), True),
-        ((-0.011, 0.0), True),
-        ((np.nan, 12.0), False),
-    ],
-)
+ON_EARTH = (90, 180), (-90, -180), (51.5, 179.9), (0, 0.011), (-0.011, 0)
+NOWHERE = (51.5, 180.1), (-90.1, 12), (0.01, 0.01), (np.nan, 12)
+
+
+@pytest.mark.parametrize(("degrees", "is_one"), [*((d, 1) for d in ON_EARTH), *((d, 0) for d in NOWHERE)])
 def test_a_position_lies_on_the_earth_and_not_where_none_is_known(
-    degrees: tuple[float, float], is_one: bool
+    degrees: tuple[float, float], is_one: int
 ) -> None:
     fields = [("lat", "f8"), ("lon", "f8"), ("alt", "f8")]
     row = np.array([(degrees[0] * 1e7, degrees[1] * 1e7, 5000.0)], dtype=fields)
@@ -99,14 +89,10 @@ def test_time_that_runs_back_or_stands_is_left_out_over_the_blocks() -> None:
 
 
 def test_flight_modes_by_autopilot_and_vehicle() -> None:
-    beats = [
-        heartbeat(PLANE, ARDUPILOT, 89, 10),
-        heartbeat(PLANE, ARDUPILOT, 217, 10),  # armed, the same mode
-        heartbeat(GCS, NONE, 0, 0),
-        heartbeat(COPTER, ARDUPILOT, 89, 6),
-        heartbeat(PLANE, PX4, 81, 3 << 16),
-        heartbeat(PLANE, ARDUPILOT, 89, 99),
-    ]
+    plane = PLANE, ARDUPILOT
+    said = [(*plane, 89, 10), (*plane, 217, 10), (GCS, NONE, 0, 0)]  # the second is armed, in the same mode
+    said += [(COPTER, ARDUPILOT, 89, 6), (PLANE, PX4, 81, 3 << 16), (*plane, 89, 99)]
+    beats = [heartbeat(*one) for one in said]
     modes = [(event.time_s, event.mode) for event in told(log(*beats)) if isinstance(event, FlightMode)]
     assert modes == [(0.0, "AUTO"), (0.3, "RTL"), (0.4, "POSCTL"), (0.5, "Mode(99)")]
 
@@ -114,14 +100,11 @@ def test_flight_modes_by_autopilot_and_vehicle() -> None:
 def test_the_last_hundred_modes_wait_for_a_text_that_names_the_kind() -> None:
     """Modes 10 and 5 in turn, of a log that does not name the kind with them."""
 
-    def logged(name: str, field: str, values: list[Any]) -> dict[str, Table]:
-        row = np.array([(value,) for value in values], dtype=[(field, "S20" if field == "Message" else "u1")])
-        return {name: table_of(name, row, time_us=np.arange(len(row)))}
-
     states = VehicleStates()
 
     def modes(name: str, field: str, values: list[Any]) -> list[tuple[int, str]]:
-        found = states.feed(logged(name, field, values), start_us=0)
+        row = np.array([(value,) for value in values], dtype=[(field, "S20" if field == "Message" else "u1")])
+        found = states.feed({name: table_of(name, row, time_us=np.arange(len(row)))}, start_us=0)
         return [(round(one.time_s * 1e6), one.mode) for one in found if isinstance(one, FlightMode)]
 
     assert modes("MODE", "ModeNum", [10, 5] * 60) == []

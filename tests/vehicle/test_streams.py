@@ -12,13 +12,7 @@ from scipy.spatial.transform import Rotation
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats.base import angles_of
 from mavhums.vehicle.grid import Grid, Seconds
-from mavhums.vehicle.signals import (
-    _MOVING_RAD_S,
-    DERIVED,
-    CandidateStream,
-    Choice,
-    body_rates,
-)
+from mavhums.vehicle.signals import _MOVING_RAD_S, DERIVED, CandidateStream, Choice, body_rates
 from tests.present import present
 
 Array = NDArray[np.float64]
@@ -35,14 +29,10 @@ def rates(time_s: Array) -> Array:
     """Return the body rates of that attitude, by its analytic derivative."""
     roll, pitch, yaw_rate = 0.6 * np.sin(time_s), 0.1 * np.cos(0.7 * time_s), 2 * np.pi / 40
     roll_rate, pitch_rate = 0.6 * np.cos(time_s), -0.07 * np.sin(0.7 * time_s)
-    return np.stack(
-        [
-            roll_rate - yaw_rate * np.sin(pitch),
-            pitch_rate * np.cos(roll) + yaw_rate * np.cos(pitch) * np.sin(roll),
-            yaw_rate * np.cos(pitch) * np.cos(roll) - pitch_rate * np.sin(roll),
-        ],
-        axis=1,
-    )
+    p = roll_rate - yaw_rate * np.sin(pitch)
+    q = pitch_rate * np.cos(roll) + yaw_rate * np.cos(pitch) * np.sin(roll)
+    r = yaw_rate * np.cos(pitch) * np.cos(roll) - pitch_rate * np.sin(roll)
+    return np.stack([p, q, r], axis=1)
 
 
 def stream(
@@ -67,10 +57,8 @@ def test_attitude_at_10_hz_beats_a_gyro_at_2_hz() -> None:
 
 @given(st.sampled_from([4.0, 10.0, 25.0]), st.floats(0.0, 20.0), st.floats(0.0, 20.0))
 def test_of_equal_streams_the_first_of_the_table_is_used(hz: float, gyro_s: float, other_s: float) -> None:
-    found = used(
-        stream("attitude", hz), stream("rates", hz, begin=gyro_s), stream("rates", hz, rank=1, begin=other_s)
-    )
-    assert set(found.ranks["rates"][35:55].tolist()) == {GYRO}
+    gyro, other = stream("rates", hz, begin=gyro_s), stream("rates", hz, rank=1, begin=other_s)
+    assert set(used(stream("attitude", hz), gyro, other).ranks["rates"][35:55].tolist()) == {GYRO}
 
 
 def test_a_stream_that_dies_is_replaced_and_used_again() -> None:
@@ -83,10 +71,8 @@ def test_a_stream_that_dies_is_replaced_and_used_again() -> None:
 
 
 def test_one_lost_second_changes_nothing() -> None:
-    parts = [stream("rates", 10, end=30), stream("rates", 10, begin=30.5)]
-    assert set(used(*parts, stream("attitude", 10), stream("rates", 10, rank=1)).ranks["rates"][5:55]) == {
-        GYRO
-    }
+    parts = [stream("rates", 10, end=30), stream("rates", 10, begin=30.5), stream("rates", 10, rank=1)]
+    assert set(used(*parts, stream("attitude", 10)).ranks["rates"][5:55].tolist()) == {GYRO}
 
 
 @pytest.mark.parametrize("times", [57.3, -1.0, 0.0])
@@ -111,12 +97,9 @@ def test_angles_are_interpolated_the_shorter_way_round() -> None:
 
 def chosen(*spacings: tuple[int, list[float]]) -> list[int]:
     """Return the stream of each second of those that come with these spacings, s, by rank."""
-    length = len(spacings[0][1])
-    streams = [
-        CandidateStream(rank, np.zeros((length, 20, 1)), np.repeat(np.array(values)[:, None], 20, axis=1))
-        for rank, values in spacings
-    ]
-    ranks: list[int] = Choice(1.2).step(length, streams).tolist()
+    still = np.zeros((len(spacings[0][1]), 20, 1))
+    streams = [CandidateStream(rank, still, still[:, :, 0] + np.c_[values]) for rank, values in spacings]
+    ranks: list[int] = Choice(1.2).step(len(still), streams).tolist()
     return ranks
 
 
@@ -148,10 +131,8 @@ def test_an_outage_of_the_whole_link_tells_nothing_about_a_stream() -> None:
 def test_a_stream_is_doubted_in_motion_where_another_agrees(moving: float, agrees: bool, used: int) -> None:
     length, rows = 200, 20
     values, spacing = np.full((length, rows, 1), moving), np.full((length, rows), 0.2)
-    several = [
-        CandidateStream(rank, sign * values, spacing)
-        for rank, sign in ((0, -1), (1, 1 if agrees else -1), (DERIVED, 1))
-    ]
+    signs = ((0, -1), (1, 1 if agrees else -1), (DERIVED, 1))
+    several = [CandidateStream(rank, sign * values, spacing) for rank, sign in signs]
     assert Choice(1.2).step(length, several, several[-1])[-1] == used
 
 
@@ -167,8 +148,6 @@ def test_body_rates_are_those_of_the_rotation_between_two_attitudes() -> None:
 
 
 def test_quaternions_become_the_angles_of_the_rotation() -> None:
-    angles = np.array(
-        [[0.5, 0.3, 3.0], [-2.0, -1.2, -0.7], [1.0, 0.0, 0.0], [0.0, -0.9, 0.0], [0.1, 0.2, -3.0]]
-    )
+    angles = np.array([[0.5, 0.3, 3.0], [-2.0, -1.2, -0.7], [1, 0, 0], [0.0, -0.9, 0.0], [0.1, 0.2, -3.0]])
     x, y, z, w = Rotation.from_euler("ZYX", angles[:, ::-1]).as_quat().T
     np.testing.assert_allclose(angles_of(np.column_stack([w, x, y, z])), angles, atol=1e-12)

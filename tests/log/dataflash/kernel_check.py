@@ -39,7 +39,7 @@ def scan(data: bytes, places: Iterable[int] = ()) -> tuple[list[Record], RecordS
     return found, scanner
 
 
-def checked(data: bytes) -> list[Record]:
+def checked(data: bytes) -> tuple[list[Record], RecordScanner]:
     """Scan a stream, and check what holds of any: types are defined, and all bytes accounted for."""
     found, scanner = scan(data)
     end, regions, defined = 0, list[tuple[int, int]](), {b"FMT"}
@@ -58,4 +58,4 @@ def checked(data: bytes) -> list[Record]:
     totals = scanner.totals
     assert scanner.regions[: len(regions)] == regions[:1000]
     assert totals.skipped + totals.cut_end + totals.filler == sum(n for _, n in regions) + len(data) - end
-    return found
+    return found, scanner

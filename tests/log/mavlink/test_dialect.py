@@ -23,6 +23,7 @@ from mavhums.log import Decoder, read_log
 from mavhums.log.mavlink import dialect
 from mavhums.log.mavlink.dialect import DialectError, load_dialect
 from tests.log.decode import differing_fields
+from tests.present import present
 from tests.strategies import START_US, contents
 
 OURS = sorted(Path(mavhums.log.__file__).parent.joinpath("messages").glob("*.xml"))
@@ -39,11 +40,9 @@ def generated(xml: Path, folder: Path) -> Any:
     path = folder / f"{xml.stem}.py"
     with redirect_stdout(io.StringIO()):
         mavgen.mavgen(mavgen.Opts(str(path), "2.0", "Python3", validate=False), [str(xml)])
-    spec = importlib.util.spec_from_file_location(xml.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
+    spec = present(importlib.util.spec_from_file_location(xml.stem, path))
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    present(spec.loader).exec_module(module)
     return module
 
 
@@ -102,9 +101,8 @@ OWN = """<?xml version="1.0"?>
 
 @pytest.mark.parametrize("number", [43_000, 16_000_000, 30])
 def test_a_users_dialect_goes_before_the_shipped_ones(number: int, tmp_path: Path) -> None:
-    xml = tmp_path / "own.xml"
+    xml, alone = tmp_path / "own.xml", tmp_path / "alone.xml"
     xml.write_text(OWN.format(number=number, include="minimal.xml"))
-    alone = tmp_path / "alone.xml"
     alone.write_text(xml.read_text().replace("<include>minimal.xml</include>", ""))
     module = generated(alone, tmp_path)
     link = module.MAVLink(None, srcSystem=1, srcComponent=1)
@@ -122,7 +120,7 @@ def test_a_users_dialect_goes_before_the_shipped_ones(number: int, tmp_path: Pat
     [
         (None, "No such file"),
         ("<mavlink>", "not MAVLink XML"),
-        (OWN.format(number=1, include="none.xml"), "No such"),
+        (OWN.format(number=1, include="n.xml"), "No such"),
     ],
 )
 def test_a_dialect_that_cannot_be_used_is_named(text: str | None, problem: str, tmp_path: Path) -> None:
