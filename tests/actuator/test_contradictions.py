@@ -39,16 +39,14 @@ def texts(airframe: Airframe, parameters: Parameters) -> list[str]:
 
 
 def test_a_function_is_told_with_both_values() -> None:
-    assert texts(PAPER, told(SERVO1_FUNCTION=4, SERVO2_FUNCTION=19, SERVO3_FUNCTION=70)) == [
-        "servo 2 is right aileron in the profile and elevator in the log (SERVO2_FUNCTION = 19)",
-        "servo 3 is elevator in the profile and throttle in the log (SERVO3_FUNCTION = 70)",
-    ]
-    values = {"PWM_MAIN_FUNC2": 201.0, "CA_SV_CS0_TYPE": 3.0, "PWM_MAIN_FUNC3": 101.0}
-    assert texts(PAPER, px4(**values)) == [
-        "servo 2 is right aileron in the profile and elevator in the log "
-        "(PWM_MAIN_FUNC2 = 201, CA_SV_CS0_TYPE = 3)",
-        "servo 3 is elevator in the profile and motor 1 in the log (PWM_MAIN_FUNC3 = 101)",
-    ]
+    of_px4 = px4(PWM_MAIN_FUNC2=201.0, CA_SV_CS0_TYPE=3.0, PWM_MAIN_FUNC3=101.0)
+    for parameters, logged in (
+        (told(SERVO2_FUNCTION=19, SERVO3_FUNCTION=70), ("SERVO2_FUNCTION = 19", "throttle")),
+        (of_px4, ("PWM_MAIN_FUNC2 = 201, CA_SV_CS0_TYPE = 3", "motor 1")),
+    ):
+        aileron, elevator = contradictions(PAPER, parameters)
+        assert aileron.text.endswith(f"is right aileron in the profile and elevator in the log ({logged[0]})")
+        assert f"servo 3 is elevator in the profile and {logged[1]} in the log" in elevator.text
 
 
 @pytest.mark.parametrize(

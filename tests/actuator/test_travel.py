@@ -12,6 +12,7 @@ from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.health.actuator.monitor import Monitor
 from mavhums.log import Table
 from mavhums.results.reasons import Reason
+from tests.vehicle.tables import table_of
 
 TIME_S = np.arange(0.0, 60.0, 0.02)
 ELEVATOR = Actuator(name="elevator", servo=3, pwm_us=(1000, 1500, 2000))
@@ -22,13 +23,11 @@ def tables(angle_deg: np.ndarray[tuple[int], np.dtype[np.float64]], rows: slice)
     """Return the pulses to the elevator and its position, as a DroneCAN servo sends it, of some samples."""
 
     def table(name: str, frame: int, **columns: object) -> Table:
-        wide = {key: np.broadcast_to(np.asarray(value), TIME_S.shape) for key, value in columns.items()}
-        fields = np.empty(TIME_S.size, dtype=[(key, "f8") for key in wide])
-        for key, value in wide.items():
+        fields = np.empty(TIME_S.size, dtype=[(key, "f8") for key in columns])
+        for key, value in columns.items():
             fields[key] = value
-        byte, frames = np.ones(TIME_S.size, dtype=np.uint8), np.arange(TIME_S.size) * 2 + frame
-        whole = Table(name, frames, (1e6 * TIME_S).astype(np.int64), byte, byte, byte, 0 * byte, fields)
-        return whole.select(np.isin(np.arange(TIME_S.size), np.arange(TIME_S.size)[rows]))
+        frames = np.arange(TIME_S.size) * 2 + frame
+        return table_of(name, fields, frame=frames, time_us=1e6 * TIME_S).select(np.arange(TIME_S.size)[rows])
 
     position = table("CSRV", 1, Id=3, Pos=angle_deg, PosCmd=np.nan)
     return {"RCOU": table("RCOU", 0, C3=1500.0 + 200.0 * MOTION), "CSRV": position}

@@ -48,3 +48,14 @@ def differing_fields(table: Table, messages: list[Any]) -> list[str]:
             same = np.array_equal(ours, theirs, equal_nan=ours.dtype.kind == "f")
         wrong += [] if same else [field]
     return wrong
+
+
+def frames_in(data: bytes) -> list[bytes]:
+    """The frames of a telemetry log's records, by their own lengths."""
+    out, position = [], 0
+    while position < len(data):
+        start = position + 8
+        long = 8 if data[start] == 0xFE else 25 if data[start + 2] & 1 else 12
+        position = start + long + data[start + 1]
+        out.append(data[start:position])
+    return out

@@ -13,6 +13,7 @@ from mavhums.cli.main import cli
 from mavhums.core.errors import ExitCode, UnreadableLogError
 from mavhums.show.inspection import inspection_blocks
 from mavhums.show.terminal import plain
+from tests.log.decode import frames_in
 from tests.log.mavlink.test_frames import heartbeats, trimmed_after_crc
 from tests.strategies import START_US
 
@@ -52,12 +53,31 @@ def test_every_loss_is_in_the_json_and_in_the_exit_code(damaged: Path) -> None:
     assert losses["trailing_zeros"] == 40
 
 
-def test_frames_in_doubt_are_said_to_be(tmp_path: Path) -> None:
-    beat = heartbeats([START_US])
-    path = tmp_path / "padded.tlog"
-    path.write_bytes(beat + trimmed_after_crc(6) + beat)
-    assert "In doubt: 1 frames" in said(path)
-    assert CliRunner().invoke(cli, ["inspect", str(path)]).exit_code == ExitCode.READ_WITH_LOSSES
+BEAT = heartbeats([START_US])
+JUMP = heartbeats([START_US, START_US + 1, START_US + 10**9, START_US + 10**9 + 1])
+POWER = heartbeats([START_US + 1000 * k for k in range(40)])[:-9]
+
+
+@pytest.mark.parametrize(
+    ("log", "words", "code"),
+    [
+        (BEAT + trimmed_after_crc(6) + BEAT, "In doubt: 1 frames", ExitCode.READ_WITH_LOSSES),
+        (JUMP, "jumps ahead 1 times", None),
+        (
+            POWER,
+            "20 bytes of a frame cut off at the end",
+            ExitCode.OK,
+        ),  # it ends with the power, and lost none
+    ],
+    ids=["in doubt", "jump", "power"],
+)
+def test_what_is_no_loss_or_in_doubt_is_said(
+    tmp_path: Path, log: bytes, words: str, code: int | None
+) -> None:
+    path = tmp_path / "some.tlog"
+    path.write_bytes(log)
+    assert words in said(path)
+    assert code in (None, CliRunner().invoke(cli, ["inspect", str(path)]).exit_code)
 
 
 def test_a_log_without_stamps_and_a_converted_one_are_named(tmp_path: Path) -> None:
@@ -65,24 +85,11 @@ def test_a_log_without_stamps_and_a_converted_one_are_named(tmp_path: Path) -> N
     data = heartbeats(times)
     text, raw = tmp_path / "text.tlog", tmp_path / "flight.tlog.raw"
     text.write_bytes(data.replace(b"\n", b"\r\n"))
-    raw.write_bytes(b"".join(data[k + 8 : k + 29] for k in range(0, len(data), 29)))
+    raw.write_bytes(b"".join(frames_in(data)))
     assert "converted to text (LF to CRLF)" in said(text)
     assert "Log losses: none" in said(text)
     assert "The log has no date" in said(raw)
     assert inspect_log(raw).start_utc is None
-
-
-def test_a_jump_of_the_clock_is_said(tmp_path: Path) -> None:
-    path = tmp_path / "jump.tlog"
-    path.write_bytes(heartbeats([START_US, START_US + 1, START_US + 10**9, START_US + 10**9 + 1]))
-    assert "jumps ahead 1 times" in said(path)
-
-
-def test_a_log_that_ends_with_the_power_has_lost_nothing(tmp_path: Path) -> None:
-    path = tmp_path / "power.tlog"
-    path.write_bytes(heartbeats([START_US + 1000 * k for k in range(40)])[:-9])
-    assert "20 bytes of a frame cut off at the end" in said(path)
-    assert CliRunner().invoke(cli, ["inspect", str(path)]).exit_code == ExitCode.OK
 
 
 def test_zeros_before_the_first_frame_are_passed_over_and_told(tmp_path: Path) -> None:

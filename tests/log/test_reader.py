@@ -13,7 +13,9 @@ from mavhums.core.errors import UnreadableLogError
 from mavhums.log import Decoder, Table, read_blocks, read_log
 from mavhums_sim import FlightRecord
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt, stream
+from tests.log.decode import frames_in
 from tests.log.ulog import writer
+from tests.present import present
 
 
 def test_read_log_gives_tables_by_time_of_reception(growing_log: Path, growing_record: FlightRecord) -> None:
@@ -27,15 +29,24 @@ def test_read_log_gives_tables_by_time_of_reception(growing_log: Path, growing_r
     assert str(frame.index.dtype) == "datetime64[us, UTC]"
     assert log.vehicles == (1,)
     assert not log.losses.any
-    assert log.span is not None
-    assert log.span[1] - log.span[0] == pytest.approx(40e6, rel=0.01)
+    assert np.diff(present(log.span)) == pytest.approx(40e6, rel=0.01)
+
+
+def test_actuators_give_histories_by_name(growing_log: Path, growing_record: FlightRecord) -> None:
+    histories = mavhums.actuators(mavhums.read_log(growing_log))
+    assert set(histories) == {"aileron_left", "aileron_right", "elevator", "rudder"}
+    elevator, truth = histories["elevator"], growing_record.actuators["elevator"]
+    assert np.allclose(elevator.frame["V5"], truth.values[:, 4], atol=1e-6)
+    assert elevator.provenance["V11"] == "DEBUG_FLOAT_ARRAY[EMA,3].data[10]"
+    seconds = (elevator.frame.index - elevator.frame.index[0]).total_seconds()
+    assert np.allclose(seconds, truth.time_s - truth.time_s[0], atol=2e-6)
 
 
 def test_tables_join_and_select(short_log: Path) -> None:
     whole = read_log(short_log, messages=["ATTITUDE"]).tables["ATTITUDE"]
     decoder = Decoder(["ATTITUDE"])
-    parts = [decoder.feed(block).get("ATTITUDE") for block in read_blocks(short_log, size=5_000)]
-    joined = Table.concatenate([part for part in parts if part is not None])
+    fed = map(decoder.feed, read_blocks(short_log, size=5_000))
+    joined = Table.concatenate([table for tables in fed for table in tables.values()])
     assert np.array_equal(joined["roll"], whole["roll"])
     assert np.array_equal(joined.frame, whole.frame)
     assert len(whole.select(whole["roll"] > 0)) == np.count_nonzero(whole["roll"] > 0)
@@ -85,19 +96,9 @@ def test_what_is_no_log_is_named(
     assert remedy in caught.value.remedy
 
 
-def without_stamps(data: bytes) -> bytes:
-    frames: list[bytes] = []
-    position = 0
-    while position < len(data):
-        size = data[position + 9] + (12 if data[position + 8] == 0xFD else 8)
-        frames.append(data[position + 8 : position + 8 + size])
-        position += 8 + size
-    return b"".join(frames)
-
-
 def test_a_log_without_time_stamps_is_read_on_the_senders_clock(short_log: Path, tmp_path: Path) -> None:
     raw = tmp_path / "flight.tlog.raw"
-    raw.write_bytes(without_stamps(short_log.read_bytes()))
+    raw.write_bytes(b"".join(frames_in(short_log.read_bytes())))
     stamped, log = read_log(short_log), read_log(raw)
     assert log.sender_clock
     assert not stamped.sender_clock
@@ -107,8 +108,7 @@ def test_a_log_without_time_stamps_is_read_on_the_senders_clock(short_log: Path,
         assert log.tables[name].fields.tobytes() == table.fields.tobytes()
     attitude = log.tables["ATTITUDE"]
     assert np.array_equal(attitude.time_us, attitude["time_boot_ms"].astype(np.int64) * 1000)
-    assert log.span is not None
-    assert log.span[1] == attitude.time_us.max()
+    assert present(log.span)[1] == attitude.time_us.max()
 
 
 def test_the_standard_input_is_read(short_log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,15 +135,3 @@ def test_a_file_that_may_not_be_read_is_named(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr("os.open", refuse)
     with pytest.raises(UnreadableLogError, match="Permission denied"):
         read_log(path)
-
-
-def test_actuators_give_histories_by_name(growing_log: Path, growing_record: FlightRecord) -> None:
-    log = mavhums.read_log(growing_log)
-    histories = mavhums.actuators(log)
-    assert set(histories) == {"aileron_left", "aileron_right", "elevator", "rudder"}
-    elevator = histories["elevator"]
-    truth = growing_record.actuators["elevator"]
-    assert np.allclose(elevator.frame["V5"], truth.values[:, 4], atol=1e-6)
-    assert elevator.provenance["V11"] == "DEBUG_FLOAT_ARRAY[EMA,3].data[10]"
-    seconds = (elevator.frame.index - elevator.frame.index[0]).total_seconds()
-    assert np.allclose(seconds, truth.time_s - truth.time_s[0], atol=2e-6)

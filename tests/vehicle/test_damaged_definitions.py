@@ -66,7 +66,8 @@ def damaged_dataflash(log: bytes) -> Damaged:
 
     A definition without a field contradicts its length: all its records are unknown then.
     """
-    wanted = {"DSF", "GPS"} | {source.message for source in (*SOURCES, *SERVO_SOURCES)}
+    wanted = {source.message for source in SOURCES} | {source.message for source in SERVO_SOURCES}
+    wanted |= {"DSF", "GPS"}
     for place, name in _definitions(log):
         if name not in wanted:
             continue

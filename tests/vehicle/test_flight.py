@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from mavhums.vehicle.airspeed import WindTriangle
-from mavhums.vehicle.facts import CONTINUOUS, STEPPED
 from mavhums.vehicle.flight import SPEEDS, Flight
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.identity import Identity
@@ -18,6 +17,7 @@ from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces, of_parameters
 from mavhums.vehicle.usage import BAND_US
 from mavhums.vehicle.vtol import hovers, lift_of, refined_identity, rotor_servos, turns_its_motors
 from tests.present import present
+from tests.vehicle.tables import seconds_of
 
 PLANE, COPTER, ROVER, BOAT, QUADPLANE = 1.0, 2.0, 10.0, 11.0, 22.0
 ARDUPILOT, PX4 = 3.0, 12.0
@@ -29,13 +29,7 @@ def seconds(count: int, first: int = 0, **changes: Any) -> Seconds:
     level: dict[str, Any] = {"airspeed": 15.0, "groundspeed": 15.0, "velocity": [15.0, 0.0, 0.0]}
     level |= {"attitude": 0.0, "rates": 0.0, "state": [PLANE, ARDUPILOT, 1.0, AUTO], "force": 0.0}
     level |= {"demand": [0.1, 0.2]} | changes
-    signals = {
-        name: np.array(np.broadcast_to(level.get(name, np.nan), (count, RATE_HZ, width)), dtype=np.float64)
-        for name, width in {**CONTINUOUS, **STEPPED}.items()
-    }
-    signals |= {f"{name}_spacing": np.full((count, RATE_HZ, 1), 0.1) for name in CONTINUOUS}
-    ranks = {"rates": np.zeros(count, dtype=np.int64)}
-    return Seconds(np.arange(first, first + count), signals, ranks)
+    return seconds_of(count, first, **level)
 
 
 def flown(*parts: Seconds, surfaces: Surfaces | None = None) -> Flight:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mavhums.core.arrays import Array
-from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, PhaseEvent, PhaseRows, Phases
 from mavhums.vehicle.rotors import Rotors
+from tests.vehicle.tables import seconds_of
 
 NAN = np.nan
 MOTOR = Rotors("one motor", (1,), ((1.0, 1.0, 1.0),), (0.0,), 1000.0, 2000.0, 0.0)
@@ -19,20 +19,11 @@ MOTOR = Rotors("one motor", (1,), ((1.0, 1.0, 1.0),), (0.0,), 1000.0, 2000.0, 0.
 
 def seconds(**signals: Any) -> Seconds:
     """Return seconds, each signal of one value a second; what is not given is not known."""
-    count = len(next(iter(signals.values())))
-    found = {}
-    for name, width in {
-        "state": 4, "landed": 1, "altitude": 1, "altitude error": 1, "velocity": 3, "groundspeed": 1,
-        "attitude": 3, "demand": 2, "rates": 3, "mixer": 4, "outputs": 1, "outputs_2": ALL_OUTPUTS,
-        "outputs_3": ALL_OUTPUTS, "airspeed": 1, "vtol": 1,
-    }.items():  # fmt: skip
-        found[name] = np.full((count, RATE_HZ, width), 0.0 if name in ("attitude", "rates") else NAN)
+    found = seconds_of(len(next(iter(signals.values()))), attitude=0.0, rates=0.0)
     for name, values in signals.items():
-        column = {"armed": 2, "climb": 2}.get(name, 0)
-        where = {"armed": "state", "climb": "velocity"}.get(name, name)
-        found[where][:, :, column] = np.asarray(values)[:, None]
-    ranks = {"altitude": np.zeros(count, dtype=np.int64), "rates": np.zeros(count, dtype=np.int64)}
-    return Seconds(np.arange(count), found, ranks)
+        where, column = {"armed": ("state", 2), "climb": ("velocity", 2)}.get(name, (name, 0))
+        found.signals[where][:, :, column] = np.asarray(values)[:, None]
+    return found
 
 
 def followed(flown: Seconds, thrust: Any, block: int = 1000) -> tuple[Array, list[PhaseEvent], PhaseRows]:

@@ -33,12 +33,6 @@ def attitude(ms: int, roll: float) -> Any:
     return v2.MAVLink_attitude_message(ms, roll, 0.2, -1.0, 0, 0, 0)
 
 
-def position(ms: int, lat: float, lon: float) -> Any:
-    return v2.MAVLink_global_position_int_message(
-        ms, round(lat * 1e7), round(lon * 1e7), 120_000, 20_000, 0, 0, 0, 0
-    )
-
-
 def heartbeat(kind: int, autopilot: int, base: int, custom: int) -> Any:
     return v2.MAVLink_heartbeat_message(kind, autopilot, base, custom, 4, 3)
 
@@ -49,15 +43,6 @@ def test_attitudes_on_the_senders_clock() -> None:
     assert isinstance(found, Attitude)
     np.testing.assert_allclose(found.time_s, [0.0, 0.04])
     np.testing.assert_allclose(found.roll_pitch_yaw_rad, [[0.1, 0.2, -1.0], [0.2, 0.2, -1.0]], rtol=1e-6)
-
-
-def test_a_position_before_the_first_fix_is_none() -> None:
-    data = log(position(0, 0.001, -0.0003), position(100, 51.5, -0.1), position(200, 51.6, 179.0))
-    (found,) = told(data)
-    assert isinstance(found, Position)
-    np.testing.assert_allclose(found.latitude_longitude_deg, [[51.5, -0.1], [51.6, 179.0]])
-    assert found.altitude_m.tolist() == [120.0, 120.0]
-    assert found.time_s.tolist() == [pytest.approx(0.1), pytest.approx(0.2)]
 
 
 ON_EARTH = (90, 180), (-90, -180), (51.5, 179.9), (0, 0.011), (-0.011, 0)

@@ -150,18 +150,15 @@ def test_channels_of_a_receiver_that_drives_the_servos() -> None:
     assert on_channels(profile, None, [3]) is None
 
 
-def test_names_of_an_axis_surfaces() -> None:
-    sides = SurfaceOutput(1, "left aileron", 1500, 400), SurfaceOutput(12, "right aileron", 1500, -400)
-    plain = SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(12, "aileron", 1500, 400)
-    for moved, origin, brief, names in (
-        (sides, "parameters", "aileron L/R", ("left aileron (servo 1)", "right aileron (servo 12)")),
-        (plain, "profile", "aileron 1/12", ("aileron (servo 1)", "aileron (servo 12)")),
-        (plain[:1], "profile", "aileron", ("aileron (servo 1)",)),
-        (plain, "inferred", "servo 1/12", ("servo 1 (moves with roll)", "servo 12 (moves with roll)")),
+def test_an_axis_has_a_short_name_for_alerts() -> None:
+    plain = SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(12, "aileron", 1500, -400)
+    for moved, origin, brief in (
+        (plain, "profile", "aileron 1/12"),
+        (plain[:1], "profile", "aileron"),
+        (plain, "inferred", "servo 1/12"),
     ):
-        known = Surfaces(moved, origin)
-        assert (known.brief("roll"), known.names("roll"), known.brief("pitch")) == (brief, names, "")
-    assert sides[1].range_us == sides[0].range_us == (1100, 1500, 1900)
+        assert (Surfaces(moved, origin).brief("roll"), Surfaces(moved, origin).brief("pitch")) == (brief, "")
+    assert plain[0].range_us == plain[1].range_us == (1100, 1500, 1900)
 
 
 def test_outputs_are_the_same_where_they_move_the_same_the_same_way() -> None:

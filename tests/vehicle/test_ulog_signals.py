@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from mavhums.log import Table
-from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.signals import SignalReader
 from tests.vehicle.tables import table_of
 
@@ -20,12 +19,6 @@ def table(name: str, fields: Fields, rows: list[tuple[Any, ...]], instance: int 
     return table_of(name, values, frame=frames, time_us=1000 * frames, component=instance)
 
 
-def signals(*tables: Table) -> dict[str, Signal]:
-    """Return the preferred source of each signal."""
-    found = sorted(SignalReader().read({t.name: t for t in tables}), key=lambda one: -one.rank)
-    return {signal.name: signal for signal in found}
-
-
 def test_what_came_first_is_taken_from_then_on() -> None:
     reader = SignalReader()
     early = table("vehicle_angular_velocity", [("xyz", "f4", (3,))], [([4, 5, 6],)], instance=2)
@@ -33,10 +26,3 @@ def test_what_came_first_is_taken_from_then_on() -> None:
     for tables in ({"vehicle_angular_velocity": early, "sensor_combined": late}, {"sensor_combined": late}):
         sources = [s.source for s in reader.read(tables) if s.name == "rates"]
         assert sources in (["vehicle_angular_velocity"], [])
-
-
-def test_outputs_of_another_driver_and_odd_layouts_are_none() -> None:
-    aux = table("actuator_outputs", [("output", "f4", (16,))], [([1500.0] * 16,)], instance=2)
-    odd = table("vehicle_attitude", [("q", "f4", (3,))], [([1, 0, 0],)])
-    text = table("airspeed", [("indicated_airspeed_m_s", "S4")], [(b"fast",)])
-    assert signals(aux, odd, text) == {}

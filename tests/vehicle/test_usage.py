@@ -17,19 +17,20 @@ from tests.vehicle.tables import table_of
 STEP_US = 100_000
 
 
-def outputs(pulses: NDArray[np.float64], *, first: int = 0, servo: int = 1) -> Signal:
-    """A signal of one output at 10 Hz; the others are off."""
-    values = np.full((len(pulses), OUTPUTS), np.nan)
-    values[:, servo - 1] = pulses
-    frames = first + 2 * np.arange(len(pulses), dtype=np.int64)
-    return Signal(1, "outputs", "SERVO_OUTPUT_RAW", frames, frames // 2 * STEP_US, values)
+def signal(name: str, values: NDArray[np.float64], first: int) -> Signal:
+    """A signal at 10 Hz; of two of them, the messages come in turns."""
+    frames = first + 2 * np.arange(len(values), dtype=np.int64)
+    return Signal(1, name, name, frames, frames // 2 * STEP_US, values)
 
 
-def state(armed: list[float], *, first: int = 1) -> Signal:
+def outputs(pulses: NDArray[np.float64]) -> Signal:
+    """The first output; the others are off."""
+    return signal("outputs", np.pad(pulses[:, None], ((0, 0), (0, OUTPUTS - 1)), constant_values=np.nan), 0)
+
+
+def state(armed: list[float]) -> Signal:
     """The armed state, told right after each sample of the outputs."""
-    values = np.array([[1.0, 3.0, one, 10.0] for one in armed])
-    frames = first + 2 * np.arange(len(armed), dtype=np.int64)
-    return Signal(1, "state", "HEARTBEAT", frames, frames // 2 * STEP_US, values)
+    return signal("state", np.array([[1.0, 3.0, one, 10.0] for one in armed]), 1)
 
 
 def triangle(periods: int, low: int = 1100, high: int = 1900, step: int = 20) -> NDArray[np.float64]:

@@ -47,9 +47,9 @@ def test_times_are_utc_and_the_vehicle_is_the_autopilots() -> None:
     assert not decoder.undated
     rcou = tables["RCOU"]
     assert (rcou.time_us == BOOT_UTC_US + rcou["TimeUS"].astype(np.int64)).all()
-    assert (rcou.system == 7).all()
-    assert (rcou.component == 0).all()
-    assert (rcou.sequence == 0).all()
+    assert {*zip(rcou.system.tolist(), rcou.component.tolist(), rcou.sequence.tolist(), strict=True)} == {
+        (7, 0, 0)
+    }
     assert decoder.first_time_us == BOOT_UTC_US + 1000
     assert decoder.counts[7, 0, "RCOU"] == len(rcou) == 298
     assert (tables["FMT"].time_us == BOOT_UTC_US + 1000).all()

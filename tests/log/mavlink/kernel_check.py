@@ -38,18 +38,13 @@ class Frame(NamedTuple):
 def frames_of(batch: RecordBatch) -> list[Frame]:
     out = []
     for row in batch.rows:
-        flags = int(row["flags"])
-        head = 6 if flags & MAVLINK1 else 10
-        begin = int(row["offset"]) - batch.base + GUARD + batch.stamp + head
+        number, system, component = (int(row[name]) for name in ("number", "system", "component"))
+        offset, time_us, sequence, flags = (int(row[x]) for x in ("offset", "time_us", "sequence", "flags"))
+        begin = offset - batch.base + GUARD + batch.stamp + (6 if flags & MAVLINK1 else 10)
         payload = batch.data[begin : begin + int(row["length"])].tobytes()
-        offset, time_us, number, system, component, sequence = (
-            int(row[name]) for name in ("offset", "time_us", "number", "system", "component", "sequence")
-        )
         signed, padded, odd = (bool(flags & flag) for flag in (SIGNED, PADDED, ODD_TIME))
-        version = 1 if flags & MAVLINK1 else 2
-        out.append(
-            Frame(offset, time_us, number, system, component, sequence, payload, version, signed, padded, odd)
-        )
+        sender, version = (system, component, sequence), 1 if flags & MAVLINK1 else 2
+        out.append(Frame(offset, time_us, number, *sender, payload, version, signed, padded, odd))
     return out
 
 

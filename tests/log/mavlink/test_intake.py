@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 from mavhums.log import Decoder
 from mavhums.log.mavlink.decoder import Intake
 from mavhums.log.mavlink.dialect import load_dialect
-from tests.log.decode import decode
+from tests.log.decode import decode, frames_in
 from tests.logs import packed
 from tests.strategies import Record, blocks, cuts, records
 
@@ -72,7 +72,7 @@ def test_what_is_held_back_is_bounded() -> None:
 @pytest.mark.parametrize("count", [1, 3, 30])
 def test_frames_back_to_back_are_recognised(count: int) -> None:
     whole = lines(count)
-    raw = without_stamps(whole, count)
+    raw = b"".join(frames_in(whole))
     out, intake = passed(raw, list(range(0, len(raw), 7)))
     assert out == raw
     assert intake.stamp == 0
@@ -83,15 +83,10 @@ def test_a_log_that_lost_its_first_stamp_has_stamps() -> None:
     assert passed(lines()[8:], [])[1].stamp == 8
 
 
-def without_stamps(log: bytes, count: int) -> bytes:
-    """Frames back to back, as a serial line carries them, of records of equal size."""
-    size = len(log) // count
-    return b"".join(log[k + 8 : k + size] for k in range(0, len(log), size))
-
-
 def capture(count: int = 200) -> bytes:
+    """Frames back to back, as a serial line carries them."""
     attitudes = (v2.MAVLink_attitude_message(1000 + 100 * k, 0.1, 0.2, 0.3, 0, 0, 0) for k in range(count))
-    return without_stamps(packed(attitudes), count)
+    return b"".join(frames_in(packed(attitudes)))
 
 
 BEGINNINGS = {

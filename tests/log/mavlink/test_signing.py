@@ -52,10 +52,12 @@ def read(data: bytes, places: tuple[int, ...] = ()) -> tuple[int, int, int, int]
 
 
 def test_a_signed_frame_counts_and_others_do_not() -> None:
+    """One with another key and a forged time stamp does not block the true sender."""
     ours, theirs = Signer(), Signer(bytes(32))
     plain = bytes(v2.MAVLink_attitude_message(0, 0, 0, 0, 0, 0, 0).pack(v2.MAVLink(None, 1, 1)))
-    data = log_of([ours.frame(NOW), theirs.frame(NOW + 1), plain, ours.frame(NOW + 2)])
-    assert read(data) == (2, 1, 1, 0)
+    for ticks in (NOW + 1, 2**47):
+        data = log_of([ours.frame(NOW), theirs.frame(ticks), plain, ours.frame(NOW + 2)])
+        assert read(data) == (2, 1, 1, 0)
 
 
 @pytest.mark.parametrize("place", [4, 10, -13, -10, -3])
@@ -68,12 +70,6 @@ def test_a_changed_bit_spoils_the_signature(place: int) -> None:
     extra = v2.MAVLink_attitude_message.crc_extra
     frame[-15:-13] = crc16.mcrf4xx(bytes(frame[1:-15]) + bytes([extra])).to_bytes(2, "little")
     assert read(log_of([bytes(frame)])) == (0, 0, 1, 0)
-
-
-def test_a_forged_time_stamp_does_not_block_the_true_sender() -> None:
-    ours, theirs = Signer(), Signer(bytes(32))
-    data = log_of([ours.frame(NOW), theirs.frame(2**47), ours.frame(NOW + 1)])
-    assert read(data) == (2, 0, 1, 0)
 
 
 @pytest.mark.parametrize(("behind", "accepted"), [(TICKS_PER_MINUTE, 2), (TICKS_PER_MINUTE + 1, 1)])

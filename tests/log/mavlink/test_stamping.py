@@ -12,23 +12,13 @@ from hypothesis import strategies as st
 from mavhums.log import Decoder
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.stamping import Piece, Stamper
+from tests.log.decode import frames_in
 from tests.strategies import START_US, Record, blocks, cuts, records
 
 
 def pieces_of(sender: str, sent: list[Record], places: list[int]) -> list[Piece]:
     stream = b"".join(record.data[8:] for record in sent)
     return [Piece(sender, START_US + 10 * k, part) for k, part in enumerate(blocks(stream, places)) if part]
-
-
-def frames_in(data: bytes) -> list[bytes]:
-    """The frames of records, by their own lengths."""
-    out, position = [], 0
-    while position < len(data):
-        start = position + 8
-        long = 8 if data[start] == 0xFE else 25 if data[start + 2] & 1 else 12
-        position = start + long + data[start + 1]
-        out.append(data[start:position])
-    return out
 
 
 @pytest.mark.slow

@@ -74,12 +74,8 @@ def flight(
 ) -> bytes:
     """A short flight: attitude at 50 Hz, outputs and ESCs at 10 Hz, a fix, texts, a dropout and syncs."""
     parts = [header(start_us), *(form(name, fields) for name, fields in FLIGHT.items())]
-    parts += [
-        keyed("I", "char[3] sys_name", b"PX4"),
-        parameter("MAV_SYS_ID", vehicle),
-        parameter("PWM_MAIN_MIN1", 1000),
-        parameter("CA_SV0_TRQ_R", -0.5),
-    ]
+    values = {"MAV_SYS_ID": vehicle, "PWM_MAIN_MIN1": 1000, "CA_SV0_TRQ_R": -0.5}
+    parts += [keyed("I", "char[3] sys_name", b"PX4"), *(parameter(*one) for one in values.items())]
     names = ["vehicle_attitude", "actuator_outputs", "esc_status", "vehicle_gps_position"]
     parts += [subscribe(number, name) for number, name in enumerate(names)]
     parts += [subscribe(9, "actuator_outputs", 1)]
@@ -129,26 +125,16 @@ def _sample(topic: str, name: str, width: int, k: int) -> list[float]:
     """Return what a wing that turns gently reports of a field in its k-th sample."""
     now = k / TOPICS[topic][0]
     wave = math.sin(now)
+    half = [math.cos(wave / 4), math.sin(wave / 4), 0, 0]
+    ema = [20 * wave, 4000 * wave, 20 * wave, 24, wave, 24, 500 * wave, 0.1, 1, 3, 0.2, 1]
     known: dict[str, list[float]] = {
-        "arming_state": [2],
-        "system_type": [1],
-        "vehicle_vtol_state": [4],
-        "time_utc_usec": [1_700_000_000_000_000 + int(now * 1e6)],
-        "fix_type": [3],
-        "q": [math.cos(wave / 4), math.sin(wave / 4), 0, 0],
-        "q_d": [math.cos(wave / 4), math.sin(wave / 4), 0, 0],
-        "indicated_airspeed_m_s": [20 + wave],
-        "vx": [18.0],
-        "vy": [6.0],
-        "lat": [47.0 + now / 1e4],
-        "lon": [8.5],
-        "alt": [500.0],
-        "accelerometer_m_s2": [0, wave, -9.81],
-        "output": [1500 + 300 * math.sin(now + i) for i in range(16)],
-        "values": [1500 + 200 * wave] * 18,
-        "id": [1 + k % 4],
-        "data": [20 * wave, 4000 * wave, 20 * wave, 24, wave, 24, 500 * wave, 0.1, 1, 3, 0.2, 1] + [0.0] * 46,
-    }
+        "arming_state": [2], "system_type": [1], "vehicle_vtol_state": [4], "fix_type": [3],
+        "time_utc_usec": [1_700_000_000_000_000 + int(now * 1e6)], "q": half, "q_d": half,
+        "indicated_airspeed_m_s": [20 + wave], "vx": [18.0], "vy": [6.0],
+        "lat": [47.0 + now / 1e4], "lon": [8.5], "alt": [500.0], "accelerometer_m_s2": [0, wave, -9.81],
+        "output": [1500 + 300 * math.sin(now + i) for i in range(16)], "values": [1500 + 200 * wave] * 18,
+        "id": [1 + k % 4], "data": [*ema, *[0.0] * 46],
+    }  # fmt: skip
     return known.get(name, [wave] * width)
 
 
@@ -157,14 +143,11 @@ def flown(seconds: float = 20.0, *, start_us: int = 5_000_000) -> bytes:
     texts = {"debug_array": b"EMA", "debug_key_value": b"S1V05", "debug_vect": b"wind"}
     parts = [header(start_us), form("esc_report", FLIGHT["esc_report"])]
     parts += [form(topic, "uint64_t timestamp;" + fields) for topic, (_, fields) in TOPICS.items()]
-    parts += [
-        keyed("I", "char[3] sys_name", b"PX4"),
-        keyed("I", "uint32_t ver_sw_release", b"\xff\x00\x0e\x01"),
-    ]
-    parts += [keyed("I", "char[8] sys_uuid", b"0123abcd"), parameter("MAV_SYS_ID", 7)]
-    surfaces = enumerate((1, 2, 3, 4))
-    parts += [parameter(f"CA_SV_CS{k}_TYPE", kind) for k, kind in surfaces]
-    parts += [parameter(f"PWM_MAIN_FUNC{k + 1}", 201 + k) for k in range(4)]
+    info = {"char[3] sys_name": b"PX4", "uint32_t ver_sw_release": b"\xff\x00\x0e\x01"}
+    parts += [keyed("I", *one) for one in (info | {"char[8] sys_uuid": b"0123abcd"}).items()]
+    known = {"MAV_SYS_ID": 7} | {f"CA_SV_CS{k}_TYPE": k + 1 for k in range(4)}
+    known |= {f"PWM_MAIN_FUNC{k + 1}": 201 + k for k in range(4)}
+    parts += [parameter(*one) for one in known.items()]
     parts += [text("a wing", start_us), text("tagged", start_us, tag=3)]
     parts += [subscribe(number, topic) for number, topic in enumerate(TOPICS)]
     records = []
