@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 import mavhums
-from mavhums.actuator.profile import ProfileError, load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums_sim import Flight, fly, write_dataflash
 from tests.conftest import Run
@@ -106,11 +105,3 @@ def test_a_record_that_the_log_does_not_have_gives_no_telemetry(run: Run, card: 
     [verdict] = [each for each in verdicts if each.subject == "actuator"]
     assert verdict.condition in ("undecided", "unmonitored")
     assert verdict.remedy
-
-
-@pytest.mark.parametrize(
-    ("message", "suggested"), [("NAMED_VALUE_FLOT", "NAMED_VALUE_FLOAT"), ("Esc", "there are")]
-)
-def test_a_name_of_no_format_is_refused_before_any_log(tmp_path: Path, message: str, suggested: str) -> None:
-    with pytest.raises(ProfileError, match=suggested):
-        load_airframe(profile(tmp_path, "V3", message, "value"))

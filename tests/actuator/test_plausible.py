@@ -102,11 +102,6 @@ def test_a_current_that_stands_still_shows_no_friction(
     assert by_voltage.friction_nm.low < TRUE_NM < by_voltage.friction_nm.high
 
 
-def test_nothing_that_the_simulator_flies_is_taken_out(judged_with: Callable[..., Assessment]) -> None:
-    for verdict in judged_with(0.0, share=0.0).verdicts:
-        assert verdict.coverage.implausible == {}
-
-
 def test_nan_is_not_measured_and_infinity_is_not_possible() -> None:
     gate = Gate(load_airframe("paper").actuators[0])
     values = np.full((3, len(KEYS)), np.nan)

@@ -127,6 +127,7 @@ def test_constants_and_limits_may_be_left_open() -> None:
     ("message", "field", "where", "line", "problem", "remedy"),
     [
         ("NAMED_VALUE_FLAOT", "value", "name = 'x'", 37, "no message", "did you mean NAMED_VALUE_FLOAT"),
+        ("Esc", "value", "name = 'x'", 37, "no message", "there are"),
         ("NAMED_VALUE_FLOAT", "vaule", "name = 'x'", 38, "has no field vaule", "did you mean value?"),
         ("NAMED_VALUE_FLOAT", "value", "nmae = 'x'", 39, "has no field nmae", "did you mean name?"),
         ("NAMED_VALUE_FLOAT", "value", "name = 1", 39, "name of NAMED_VALUE_FLOAT is text", "with text"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections import Counter
 from collections.abc import Collection, Sequence
 
 import numpy as np
@@ -129,11 +131,12 @@ def test_any_number_of_senders_fills_no_memory_and_none_is_uncounted(
     assert list(whole.sequence_losses()) == list(cut.sequence_losses())
     assert whole._senders.size <= 1024
     names = [definition.name for definition in load_dialect().definitions.values()]
-    for system in range(systems):
-        for message in range(2):
-            sent = np.count_nonzero((rows["system"] == system) & (rows["definition"] == message))
-            told = [n for (s, _, name), n in whole.counts.items() if s == system and name == names[message]]
-            assert sum(told) == sent
+    told: Counter[tuple[int, str]] = Counter()
+    for (system, _, name), count in whole.counts.items():
+        told[system, name] += count
+    for system, message in itertools.product(range(systems), range(2)):
+        sent = np.count_nonzero((rows["system"] == system) & (rows["definition"] == message))
+        assert told[system, names[message]] == sent
     steadily = [count for (s, component, _), count in whole.counts.items() if (s, component) == (77, 1)]
     assert sum(steadily) == steady.size, "who goes on speaking is kept"
     assert not [loss for loss in whole.sequence_losses() if (loss.system, loss.component) == (77, 1)]
