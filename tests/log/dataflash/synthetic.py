@@ -45,6 +45,16 @@ def record(number: int, letters: str, values: Sequence[Any]) -> bytes:
     return bytes([0xA3, 0x95, number]) + struct.pack("<" + "".join(CODES[c] for c in letters), *flat)
 
 
+def of(name: str, *values: object) -> bytes:
+    """A record of one of the messages."""
+    number, letters, _ = FORMATS[name]
+    return record(number, letters, values)
+
+
+def rcou(time_us: int) -> bytes:
+    return of("RCOU", time_us, 1000, 1500, 1500, 2000)
+
+
 def _values(rng: random.Random, letters: str, time_us: int) -> list[Any]:
     draws: dict[str, Callable[[], Any]] = {
         "Q": lambda: time_us, "f": lambda: rng.uniform(-9, 9), "n": lambda: b"ABCD",

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 
 from mavhums.log import Decoder
 from mavhums.log.dataflash import DataFlashDecoder
-from tests.log.dataflash.synthetic import FORMATS, definition, record
+from tests.log.dataflash.synthetic import FORMATS, definition, of, rcou, record
 from tests.log.decode import assert_cuts_do_not_matter
 from tests.strategies import cuts
 
@@ -18,18 +18,9 @@ GPS_EPOCH_US = 315_964_800_000_000
 WEEK_MS = 7 * 86_400_000
 
 
-def of(name: str, *values: object) -> bytes:
-    number, letters, _ = FORMATS[name]
-    return record(number, letters, values)
-
-
 def gps(time_us: int, *, boot_us: int = BOOT_UTC_US, status: int = 3, leap_s: int = 18) -> bytes:
     week, ms = divmod((boot_us + time_us - GPS_EPOCH_US) // 1000 + leap_s * 1000, WEEK_MS)
     return of("GPS", time_us, 0, status, ms, week, 0, 0, 0)
-
-
-def rcou(time_us: int) -> bytes:
-    return of("RCOU", time_us, 1000, 1500, 1500, 2000)
 
 
 def one_log(system: int = 7, *, boot_us: int = BOOT_UTC_US, seconds: int = 3) -> bytes:

@@ -13,14 +13,10 @@ from tests.log.damage import damage, damaged_bytes
 from tests.log.dataflash.hostile import check
 from tests.log.dataflash.kernel_check import checked, scan
 from tests.log.dataflash.recovery import COUNTS, recover
-from tests.log.dataflash.synthetic import FORMATS, definition, fmt_of_fmt, record, stream
+from tests.log.dataflash.synthetic import FORMATS, definition, fmt_of_fmt, rcou, record, stream
 
 LOG = b"".join(stream(5, 3000))
 RCOU, LETTERS, _ = FORMATS["RCOU"]
-
-
-def rcou(time_us: int) -> bytes:
-    return record(RCOU, LETTERS, [time_us, 1000, 1500, 1500, 2000])
 
 
 HEAD = fmt_of_fmt() + definition(RCOU, "RCOU", *FORMATS["RCOU"][1:])

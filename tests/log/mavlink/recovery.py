@@ -46,13 +46,9 @@ def recover(seed: int, count: int, kind: str, spacing: int) -> Recovery:
     written = [_written(frame, origin, by_start) for frame in found]
     false = [frame for frame, true in zip(found, written, strict=True) if not true]
     intact = _undamaged(origin, by_start, known)
-    return Recovery(
-        len(intact),
-        len(intact & {frame.offset + 8 for frame in found}),
-        sum(not frame.padded for frame in false),
-        _by_pymavlink(data, records),
-        sum(written),
-    )
+    of_intact = len(intact & {frame.offset + 8 for frame in found})
+    certain = sum(not frame.padded for frame in false)
+    return Recovery(len(intact), of_intact, certain, _by_pymavlink(data, records), sum(written))
 
 
 def _undamaged(origin: Integers, by_start: dict[int, bytes], known: dict[int, Any]) -> set[int]:

@@ -19,6 +19,7 @@ from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.scanner import FrameScanner
 from tests.log.decode import assert_cuts_do_not_matter, decode, differing_fields
 from tests.log.mavlink.kernel_check import checked, frames_of, scan
+from tests.log.mavlink.synthetic import sealed
 from tests.strategies import START_US, Record, cuts, records
 
 DAY_US = 86_400_000_000
@@ -156,9 +157,8 @@ def test_the_first_time_is_judged_by_the_next_two(times_us: list[int], first_us:
 
 
 def unknown(number: int = 9_999_999, seed: int = 77) -> bytes:
-    head = bytes([3, 0, 0, 7, 1, 1]) + number.to_bytes(3, "little") + b"abc"
-    crc = crc16.mcrf4xx(head + bytes([seed]))
-    return struct.pack(">Q", START_US) + b"\xfd" + head + crc.to_bytes(2, "little")
+    head = bytes([3, 0, 0, 7, 1, 1]) + number.to_bytes(3, "little")
+    return struct.pack(">Q", START_US) + b"\xfd" + sealed(head + b"abc", seed)
 
 
 def test_unknown_messages_are_counted_in_step_only() -> None:
@@ -273,8 +273,7 @@ def test_a_longer_payload_than_the_dialect_knows_is_cut() -> None:
     """A newer dialect may have appended an extension; MAVLink says to ignore what one does not know."""
     payload = bytes(range(1, 30))
     head = bytes([len(payload), 0, 0, 0, 1, 1, 0, 0, 0])
-    crc = crc16.mcrf4xx(head + payload + bytes([50]))
-    record = struct.pack(">Q", START_US) + b"\xfd" + head + payload + crc.to_bytes(2, "little")
+    record = struct.pack(">Q", START_US) + b"\xfd" + sealed(head + payload, 50)
     table = Decoder().feed(record, final=True)["HEARTBEAT"]
     assert table["custom_mode"].tolist() == [int.from_bytes(payload[:4], "little")]
     assert np.array_equal(table["type"], [payload[4]])
