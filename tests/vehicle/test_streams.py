@@ -12,8 +12,16 @@ from scipy.spatial.transform import Rotation
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats.base import angles_of
 from mavhums.vehicle.grid import Grid, Seconds
-from mavhums.vehicle.signals import _MOVING_RAD_S, DERIVED, CandidateStream, Choice, body_rates
+from mavhums.vehicle.signals import (
+    _MOVING_RAD_S,
+    DERIVED,
+    CandidateStream,
+    Choice,
+    SignalReader,
+    body_rates,
+)
 from tests.present import present
+from tests.vehicle.tables import table_of
 
 Array = NDArray[np.float64]
 GYRO, ESTIMATE = 0, 1
@@ -93,6 +101,12 @@ def test_angles_are_interpolated_the_shorter_way_round() -> None:
     found = used(Signal(1, "attitude", "ATTITUDE", time_us // 1000, time_us, turning))
     roll = found.signals["attitude"][:3, :, 0]
     assert np.abs(roll).min() > 2.9
+
+
+def test_the_sender_that_came_first_is_used_from_then_on() -> None:
+    fields, reader = np.zeros(1, dtype=[("xyz", "f4", 3)]), SignalReader()
+    senders = [table_of("vehicle_angular_velocity", fields, component=n) for n in (2, 3)]
+    assert [[one.name for one in reader.read({each.name: each})] for each in senders] == [["rates"], []]
 
 
 def chosen(*spacings: tuple[int, list[float]]) -> list[int]:
