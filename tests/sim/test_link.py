@@ -16,6 +16,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from mavhums_sim import Flight, FlightRecord, fly, write_tlog
+from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.link import EPOCH_US, Frame, Link, transmit
 from mavhums_sim.rates import Rates
 from mavhums_sim.telemetry import messages
@@ -56,9 +57,8 @@ def test_a_radio_carries_what_its_line_can_of_every_stream(record: FlightRecord,
 
 
 def test_a_line_that_is_fast_enough_changes_nothing(record: FlightRecord) -> None:
-    assert frames(record, Link()) == list(
-        transmit(messages(record, Link(baud=1e6)), Link(baud=1e6), record.flight.seed)
-    )
+    fast = Link(baud=1e6)
+    assert frames(record, Link()) == list(transmit(messages(record, fast), fast, record.flight.seed))
     with pytest.raises(ValueError, match="do not carry heartbeats"):
         messages(record, Link(baud=300.0))
 
@@ -266,14 +266,8 @@ def test_bus_side_esc_reports_the_power_that_the_motor_takes() -> None:
     from mavhums_sim.conditions import Condition
     from mavhums_sim.sensors import ELECTRONICS_A, SensorNoise
 
-    sag = Condition.step("supply_sag", 3.0, 5.0)
-    flight = Flight(
-        duration_s=10.0,
-        esc_side="bus",
-        noise=SensorNoise.none(),
-        conditions=dict.fromkeys(("aileron_left", "aileron_right", "elevator", "rudder"), (sag,)),
-    )
-    record = fly(flight)
+    sag = dict.fromkeys(SURFACES, (Condition.step("supply_sag", 3.0, 5.0),))
+    record = fly(Flight(duration_s=10.0, esc_side="bus", noise=SensorNoise.none(), conditions=sag))
     actuator = record.actuators["elevator"]
     volts, amperes = actuator.esc[:, 0], actuator.esc[:, 1]
     assert volts[actuator.time_s < 4.9] == pytest.approx(27.0)

@@ -137,24 +137,16 @@ def lateral(trim: Trim, rho: float) -> Array:
     yaw = 0.5 * rho * SPEED**2 * AREA * SPAN * np.array([0.073 / SPEED, 0.069 * damping, -0.095 * damping])
     inverse = np.linalg.inv(np.array([[JX, -JXZ], [-JXZ, JZ]]))
     angular = inverse @ np.stack([roll, yaw])
-    return np.array(
-        [
-            [side, w, -u, 9.81 * np.cos(trim.alpha)],
-            [*angular[0], 0.0],
-            [*angular[1], 0.0],
-            [0.0, 1.0, np.tan(trim.alpha), 0.0],
-        ]
-    )
+    sideways = [side, w, -u, 9.81 * np.cos(trim.alpha)]
+    return np.array([sideways, [*angular[0], 0.0], [*angular[1], 0.0], [0.0, 1.0, np.tan(trim.alpha), 0.0]])
 
 
 def jsbsim_matrices(aircraft: Aircraft, trim: Trim) -> tuple[Array, Array]:
     base = level(trim)
     along = linearised(aircraft, trim, base, ["u-fps", "w-fps", "q-rad_sec", "theta-rad"], [0, 2, 4])
     across = linearised(aircraft, trim, base, ["v-fps", "p-rad_sec", "r-rad_sec", "phi-rad"], [1, 3, 5])
-    return (
-        np.vstack([along, [0.0, 0.0, 1.0, 0.0]]),
-        np.vstack([across, [0.0, 1.0, np.tan(trim.alpha), 0.0]]),
-    )
+    turning = [0.0, 1.0, np.tan(trim.alpha), 0.0]
+    return np.vstack([along, [0.0, 0.0, 1.0, 0.0]]), np.vstack([across, turning])
 
 
 def modes(matrix: Array) -> Array:

@@ -17,18 +17,9 @@ G = 9.80665
 
 def ideal(name: str) -> Craft:
     craft = draw_craft(np.random.default_rng(3), name)
-    motors = craft.gains.size
-    return replace(
-        craft,
-        gains=np.ones(motors),
-        exponent=1.0,
-        balance=np.zeros(2),
-        flapping=0.0,
-        noise=np.zeros(3),
-        sag=0.0,
-        mistuning=np.ones(3),
-        drag=0.0,
-    )
+    one = {"gains": np.ones(craft.gains.size), "exponent": 1.0, "mistuning": np.ones(3)}
+    none = {"balance": np.zeros(2), "noise": np.zeros(3), "flapping": 0.0, "sag": 0.0, "drag": 0.0}
+    return replace(craft, **one, **none)  # type: ignore[arg-type]
 
 
 def still(seconds: float, event: Event | None = None) -> Plan:
