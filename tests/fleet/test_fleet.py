@@ -12,7 +12,6 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 from mavhums.app.analysis import analyse
@@ -191,19 +190,12 @@ def test_the_worst_of_all_aircraft_comes_first(scanned: Path, run: Run) -> None:
     told = json.loads(run("fleet", "worst", "--store", scanned, "--json", "-n", "1").out)
     assert told[0]["aircraft"] == "D-B"
     assert told[0]["verdict"]["worst"] == "emergency"
-
-
-@pytest.mark.slow
-def test_trend_status_and_export_tell_what_the_store_holds(scanned: Path, run: Run, tmp_path: Path) -> None:
     assert "24 logs of 2 aircraft" in run("fleet", "status", "--store", scanned).out
-    assert json.loads(run("fleet", "status", "--store", scanned, "--json").out)["judged"] == 24
-    told = json.loads(run("trend", "D-A", "--store", scanned, "--json").out)
-    assert told["flights"] == FLIGHTS
-    for name in ("o.csv", "o.parquet"):
-        assert run("fleet", "export", "--store", scanned, "-o", tmp_path / name).code == 0
-    frame = pd.read_parquet(tmp_path / "o.parquet")
-    assert len(frame) == len(pd.read_csv(tmp_path / "o.csv")) == FLIGHTS * 4 + FLIGHTS * 8
-    assert frame["aircraft"].unique().tolist() == ["D-A", "D-B"]
+    assert fleet.trend(scanned, "D-A").flights == FLIGHTS
+    assert fleet.export(scanned)["aircraft"].value_counts().to_dict() == {
+        "D-A": 4 * FLIGHTS,
+        "D-B": 8 * FLIGHTS,
+    }
 
 
 class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]

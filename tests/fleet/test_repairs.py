@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from mavhums.core.errors import MavhumsError
-from mavhums.results.assessment import Assessment
 from tests.flights import START, flown, shown, verdict
 
 pytest.importorskip("distributed")
@@ -26,17 +25,11 @@ DATES = (
 )
 
 
-def flights() -> list[Assessment]:
-    """Flights whose friction says on which day they were flown."""
-    return [
-        flown(*(verdict(shown(0.2 + day / 1000), actuator=name) for name in ("elevator", "rudder")), day=day)
-        for day in range(70)
-    ]
-
-
 def test_a_store_keeps_repairs_until_a_mistake_is_removed(tmp_path: Path) -> None:
     store = tmp_path / "store"
-    write_store(store, {"D-A": flights()[:2], "D-B": flights()[2:4]})
+    both = [verdict(shown(0.2), actuator=name) for name in ("elevator", "rudder")]
+    flights = [flown(*both, day=day) for day in range(4)]
+    write_store(store, {"D-A": flights[:2], "D-B": flights[2:]})
     assert repairs_in(store) == []
     for _ in range(2):
         assert change_repairs(store, add=DATES) == [DATES[1], DATES[0], DATES[2], DATES[3]]
