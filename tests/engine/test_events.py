@@ -77,10 +77,8 @@ def _joined(events: list[Any]) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [4096, 1 << 22])
-def test_a_jump_of_the_clock_is_told_where_it_is(size: int) -> None:
-    content = two_vehicles()
-    _, events = judged(content, size=size)
+def test_a_jump_of_the_clock_is_told_where_it_is() -> None:
+    _, events = judged(two_vehicles(), size=4096)
     notices = [event for event in events if isinstance(event, Notice) and event.text == JUMPED]
     assert [event.vehicle for event in notices] == [2]
     assert notices[0].time_s == pytest.approx(REBOOT_S, abs=0.5)

@@ -82,9 +82,8 @@ class Wired:
         link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
         sent: list[tuple[float, Any]] = []
         for k, (name, value) in enumerate(self.parameters.items()):
-            sent.append(
-                (self.told_s + 0.01 * k, v2.MAVLink_param_value_message(name.encode(), value, 9, 9, k))
-            )
+            message = v2.MAVLink_param_value_message(name.encode(), value, 9, 9, k)
+            sent.append((self.told_s + 0.01 * k, message))
         sent += [(self.named_s, v2.MAVLink_statustext_message(6, text)) for text in self.texts]
         for t, pulses, p in self.rows():
             ms, us = round(t * 1e3), round(t * 1e6)
@@ -126,12 +125,11 @@ class Wired:
 
         put("MSG", 0.0, b"ArduPlane V4.5.7 (0fe2a2b6)")
         put("MODE", 0.0, 10, 10, 1)
-        told = False
+        untold = dict(self.parameters)
         for t, pulses, p in self.rows():
-            if t >= self.told_s and not told:
-                told = True
-                for name, value in self.parameters.items():
-                    put("PARM", t, name.encode(), value)
+            while untold and t >= self.told_s:
+                name = next(iter(untold))
+                put("PARM", t, name.encode(), untold.pop(name))
             if round(t * _RATE_HZ) % _RATE_HZ == 0:
                 put("STAT", t, 1, 1.0, 1)
                 put("GPS", t, 0, 3, round(1000 * t), 2300, _SPEED, 0.0)
@@ -155,16 +153,13 @@ class Wired:
             "input_rc": "uint64_t timestamp;uint16_t[18] values;uint8_t[4] _padding0;",
         }
         out = [writer.header(), *(writer.form(name, fields) for name, fields in topics.items())]
-        told = [writer.parameter(name, value) for name, value in self.parameters.items()]
+        untold = [writer.parameter(name, value) for name, value in self.parameters.items()]
         out += [writer.keyed("I", "char[3] sys_name", b"PX4"), writer.parameter("MAV_SYS_ID", 1)]
-        out += told if self.told_s == 0 else []
+        out += [untold.pop(0) for _ in self.parameters] if self.told_s == 0 else []
         out += [writer.subscribe(number, name) for number, name in enumerate(topics)]
-        sent = self.told_s == 0
         for t, pulses, p in self.rows():
             now = 1_000_000 + round(t * 1e6)
-            if t >= self.told_s and not sent:
-                sent = True
-                out += told
+            out += [untold.pop(0) for _ in self.parameters] if untold and t >= self.told_s else []
             outputs = self.outputs(t, pulses)
             out.append(writer.data(0, struct.pack("<QI16f4x", now, 4, *outputs, *[0.0] * 12)))
             if self.idle_us is not None:
