@@ -20,16 +20,20 @@ from mavhums.learn.precedents import LABELS, Provenance, label_of
 from mavhums.paper.flights import CALIBRATES, MEASURES, TRAINS, FlownFlights
 from mavhums.paper.train import of_precedents, training_samples
 from mavhums_sim import Flight, fly, write_tlog
+from mavhums_sim.cyclogram import SURFACES
 
 
 def mavhums(*arguments: str | Path) -> Result:
     return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
+WORN = Flight(seed=41, duration_s=15.0, friction_nm={"elevator": (1.0, 1.0)})
+
+
 @pytest.fixture(scope="module")
 def emergency_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("flown") / "worn.tlog"
-    write_tlog(fly(Flight(seed=41, duration_s=15.0, friction_nm={"elevator": (1.0, 1.0)})), path)
+    write_tlog(fly(WORN), path)
     return path
 
 
@@ -46,17 +50,8 @@ def short_flights(monkeypatch: pytest.MonkeyPatch) -> None:
 def folder(short_log: Path, emergency_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.mktemp("precedents") / "base"
     healthy = mavhums("precedents", "add", short_log, "--label", "normal", "-d", base)
-    worn = mavhums(
-        "precedents",
-        "add",
-        emergency_log,
-        "--label",
-        "emergency",
-        "--actuator",
-        "elevator",
-        "-d",
-        base,
-    )
+    add = ("precedents", "add", emergency_log, "--actuator", "elevator")
+    worn = mavhums(*add, "--label", "emergency", "-d", base)
     assert (healthy.exit_code, worn.exit_code) == (0, 0), healthy.output + worn.output
     return base
 
@@ -64,19 +59,11 @@ def folder(short_log: Path, emergency_log: Path, tmp_path_factory: pytest.TempPa
 def test_a_log_becomes_precedents_with_its_provenance(folder: Path, short_log: Path) -> None:
     found = list(PrecedentBase(folder))
     assert len(found) == 5
-    said = {
-        (precedent.provenance.log, precedent.provenance.actuator): precedent.provenance for precedent in found
-    }
-    assert {actuator for log, actuator in said if log == short_log.name} == {
-        "aileron_left", "aileron_right", "elevator", "rudder",
-    }  # fmt: skip
+    said = {(one.provenance.log, one.provenance.actuator): one.provenance for one in found}
+    assert {actuator for log, actuator in said if log == short_log.name} == {*SURFACES}
     worn = said["worn.tlog", "elevator"]
-    assert (worn.label, worn.origin, worn.airframe, worn.tier) == (
-        "friction_emergency",
-        "simulated",
-        "paper",
-        "instrumented",
-    )
+    assert (worn.label, worn.origin) == ("friction_emergency", "simulated")
+    assert (worn.airframe, worn.tier) == ("paper", "instrumented")
     listed = mavhums("precedents", "list", "-d", folder).output
     assert listed.count("\n") == 5
     assert "friction_emergency  simulated  paper elevator" in listed
@@ -98,16 +85,16 @@ def test_a_log_of_the_simulator_is_flown_only_if_told_so(short_log: Path, tmp_pa
 def test_what_is_stored_is_what_was_flown(folder: Path) -> None:
     base = PrecedentBase(folder)
     precedent = next(each for each in base if each.provenance.log == "worn.tlog")
-    flown = fly(Flight(seed=41, duration_s=15.0, friction_nm={"elevator": (1.0, 1.0)})).actuators["elevator"]
-    np.testing.assert_allclose(base.read(precedent)[1], flown.values, rtol=1e-5, atol=1e-4)
+    flown = fly(WORN).actuators["elevator"].values
+    np.testing.assert_allclose(base.read(precedent)[1], flown, rtol=1e-5, atol=1e-4)
 
 
 def test_actuators_of_one_log_are_one_flight(folder: Path) -> None:
     flown = FlownFlights(PrecedentBase(folder), load_airframe("paper"), seed=1)
     assert flown.held_out == ()
-    assert [(each.flight, each.label) for each in flown.read(TRAINS, ["friction_emergency"])] == [
-        (1 - next(flown.read(TRAINS, ["normal"])).flight, "friction_emergency")
-    ]
+    [worn] = flown.read(TRAINS, ["friction_emergency"])
+    healthy = {each.flight for each in flown.read(TRAINS, ["normal"])}
+    assert (healthy, worn.label) == ({1 - worn.flight}, "friction_emergency")
 
 
 def provenance(number: int, actuator: str, label: str) -> Provenance:
@@ -150,9 +137,8 @@ def test_whole_flights_train_calibrate_and_measure(flights: list[list[str]], tmp
 def test_training_mixes_and_weighs_them(folder: Path, tmp_path: Path, short_flights: None) -> None:
     def train(*options: str) -> np.ndarray:
         model = tmp_path / "model.safetensors"
-        outcome = mavhums(
-            "train", "--flights", "2", "--networks", "1", "--precedents", folder, *options, "-o", model
-        )
+        given = ("train", "--flights", "2", "--networks", "1", *options)
+        outcome = mavhums(*given, "--precedents", folder, "-o", model)
         assert outcome.exit_code == 0, outcome.output
         # Two short logs have commands that differ by chance.
         assert re.search(r"warning: the command distinguishes the classes \(Cramér's V 0\.\d", outcome.output)
@@ -193,17 +179,16 @@ def test_what_cannot_be_added_is_said_with_a_remedy(short_log: Path, folder: Pat
 def own_logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Eight logs, four of healthy actuators and four of worn ones, tables of their labels, and a new log."""
     folder = tmp_path_factory.mktemp("own")
-    surfaces = ("aileron_left", "aileron_right", "elevator", "rudder")
     tables = {"labels": ["log,actuator,label"], "inverted": ["log,actuator,label"]}
     flights: dict[str, tuple[float, ...]] = {f"ok{k}": (0.225 + 0.03 * k,) * 4 for k in range(4)}
     flights |= {f"worn{k}": (0.9 + 0.03 * k,) * 4 for k in range(4)}
     flights["new"] = (0.25, 0.28, 0.96, 0.3)
     for seed, (name, frictions) in enumerate(flights.items(), 60):
-        each = {surface: (f, f) for surface, f in zip(surfaces, frictions, strict=True)}
+        each = {surface: (f, f) for surface, f in zip(SURFACES, frictions, strict=True)}
         write_tlog(fly(Flight(seed=seed, duration_s=60.0, friction_nm=each)), folder / f"{name}.tlog")
         for table, worn in (("labels", name[:4] == "worn"), ("inverted", name[:2] == "ok")):
             label = "emergency" if worn else "normal"
-            tables[table] += [f"{name}.tlog,{surface},{label}" for surface in surfaces if name != "new"]
+            tables[table] += [f"{name}.tlog,{surface},{label}" for surface in SURFACES if name != "new"]
     # A profile without constants and limits: names and outputs alone.
     sections = resources.files("mavhums.actuator").joinpath("airframes/paper.toml").read_text().split("\n\n")
     kept = [part for part in sections if not part.startswith(("[actuators.ema]", "[actuators.limits]"))]
@@ -214,6 +199,21 @@ def own_logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def labelled(own_logs: Path, table: str, base: Path, *whose: str | Path) -> Path:
+    """Make a base of the eight logs by a table of labels."""
+    logs = [path for path in sorted(own_logs.glob("*.tlog")) if path.stem != "new"]
+    added = mavhums("precedents", "add", *logs, "--labels", own_logs / f"{table}.csv", "-d", base, *whose)
+    assert (added.exit_code, added.output.count("\n")) == (0, 32)
+    return base
+
+
+def told_by(own_logs: Path, model: Path, *whose: str | Path) -> dict[str, str]:
+    """What a model decides on the new log, by actuator."""
+    decide = ("--model", model, "--decide", "network", "--json")
+    judged = mavhums("analyse", own_logs / "new.tlog", *decide, *whose)
+    return {each["actuator"]: each["worst"] for each in json.loads(judged.output)["verdicts"]}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("table", "constants"), [("labels", True), ("inverted", True), ("inverted", False)])
 def test_labels_alone_decide_the_verdicts(
@@ -221,22 +221,16 @@ def test_labels_alone_decide_the_verdicts(
 ) -> None:
     """From eight labelled logs to the verdict, without simulator; inverted labels invert it."""
     whose = () if constants else ("--airframe", own_logs / "own.toml")
-    labelled = [path for path in sorted(own_logs.glob("*.tlog")) if path.stem != "new"]
-    base, model = tmp_path / "base", tmp_path / "own.safetensors"
-    added = mavhums("precedents", "add", *labelled, "--labels", own_logs / f"{table}.csv", "-d", base, *whose)
-    assert (added.exit_code, added.output.count("\n")) == (0, 32)
+    base, model = labelled(own_logs, table, tmp_path / "base", *whose), tmp_path / "own.safetensors"
     options = ("--flights", "0", "--networks", "5", *whose)
     trained = mavhums("train", *options, "--precedents", base, "-o", model)
     assert trained.exit_code == 0, trained.output
     assert "8 logs (4 normal, 4 friction_emergency): 4 train, 2 calibrate, 2 measure" in trained.output
     assert re.search(r"on precedents not trained on \d", trained.output)
     assert ("no network of windows" in trained.output) is not constants
-    judged = mavhums(
-        "analyse", own_logs / "new.tlog", "--model", model, "--decide", "network", "--json", *whose
-    )
-    said = {each["actuator"]: each["worst"] for each in json.loads(judged.output)["verdicts"]}
+    said = told_by(own_logs, model, *whose)
     worn, healthy = ("emergency", "normal") if table == "labels" else ("normal", "emergency")
-    assert said == dict.fromkeys(("aileron_left", "aileron_right", "rudder"), healthy) | {"elevator": worn}
+    assert said == dict.fromkeys(SURFACES, healthy) | {"elevator": worn}
     exported = tmp_path / "new.parquet"
     outcome = mavhums("export", own_logs / "new.tlog", "--classify", "--model", model, "-o", exported, *whose)
     assert outcome.exit_code == 0, outcome.output
@@ -247,14 +241,11 @@ def test_labels_against_the_simulation_are_followed_at_their_weight(
     own_logs: Path, tmp_path: Path, short_flights: None
 ) -> None:
     """They turn the votes and the windows, and the calibration does not turn them back."""
-    labelled = [path for path in sorted(own_logs.glob("*.tlog")) if path.stem != "new"]
-    base, model = tmp_path / "base", tmp_path / "model"
-    mavhums("precedents", "add", *labelled, "--labels", own_logs / "inverted.csv", "-d", base)
+    base, model = labelled(own_logs, "inverted", tmp_path / "base"), tmp_path / "model"
     options = f"train --flights 2 --networks 10 --flown-weight 1000 --precedents {base} -o {model}".split()
     trained = mavhums(*options)
     assert trained.exit_code == 0, trained.output
-    judged = mavhums("analyse", own_logs / "new.tlog", "--model", model, "--decide", "network", "--json")
-    said = {each["actuator"]: each["worst"] for each in json.loads(judged.output)["verdicts"]}
+    said = told_by(own_logs, model)
     assert (said["elevator"], said["rudder"]) == ("normal", "emergency")
 
 

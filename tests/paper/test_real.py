@@ -14,6 +14,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.paper import real
 from mavhums.paper.real import FEATURES, LOADS, MIXED, RUNS, STAGES, Size, examples, read_rig, splits
 
+pytestmark = pytest.mark.slow
 CONDITIONS = {"normal": 0.0, "play2": 0.15, "wear1": 0.05, "wear4": 0.3}
 
 
@@ -49,7 +50,6 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_what_is_taken_off_is_gone_and_the_rest_stays(rig: Path) -> None:
     runs, repeated = read_rig(rig)
     assert repeated == ["play2, load 20, run 7"]
@@ -64,7 +64,6 @@ def test_what_is_taken_off_is_gone_and_the_rest_stays(rig: Path) -> None:
     assert (stroke[:, error] == recorded[:, error]).all()
 
 
-@pytest.mark.slow
 def test_no_split_but_that_of_sequences_has_a_run_on_both_sides(rig: Path) -> None:
     table = examples(read_rig(rig)[0], "run")[0]
     seen = dict.fromkeys((MIXED, RUNS, LOADS, STAGES), 0)
@@ -83,7 +82,6 @@ def test_no_split_but_that_of_sequences_has_a_run_on_both_sides(rig: Path) -> No
     assert seen[STAGES] == 1
 
 
-@pytest.mark.slow
 def test_the_report_tells_every_split_and_what_the_strokes_show(
     rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -105,7 +103,6 @@ def test_the_report_tells_every_split_and_what_the_strokes_show(
     assert found_in["normal", 40].startswith("0/6")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -16,10 +17,11 @@ from click.testing import CliRunner
 from mavhums.learn import load_model
 from mavhums.learn.precedents import LABELS
 from mavhums_sim.cli import cli as simulator
+from mavhums_sim.cyclogram import SURFACES
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "guide" / "research.md"
-SURFACES = ("aileron_left", "aileron_right", "elevator", "rudder")
+
 FAULTS = {
     "friction_degraded": "friction:0.4",
     "friction_emergency": "friction:0.8",
@@ -62,13 +64,11 @@ def test_five_commands_lead_from_labelled_logs_to_figures_16_to_19(folder: Path)
     section = PAGE.read_text(encoding="utf-8").split("## From your labelled logs")[1]
     [block, *_] = re.findall(r"```console\n(.*?)```", section, re.DOTALL)
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    environment = {**os.environ, "PATH": path}
+    given: dict[str, Any] = {"cwd": folder, "env": {**os.environ, "PATH": path}, "text": True}
     commands = block.splitlines()
     assert len(commands) == 5
     for command in commands:
-        done = subprocess.run(
-            ["bash", "-c", command], cwd=folder, env=environment, capture_output=True, text=True, check=False
-        )
+        done = subprocess.run(["bash", "-c", command], **given, capture_output=True, check=False)
         judged = command.startswith("mavhums analyse")
         assert done.returncode in ((0, 10, 11, 12) if judged else (0,)), done.stderr
     window = load_model(folder / "mine.model").card.window
