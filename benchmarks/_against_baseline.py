@@ -111,7 +111,7 @@ def early(args: argparse.Namespace) -> Rows:
     yield ""
     yield "| rate | modes | k_t drift | +0.02 N·m | +0.03 | +0.05 | of |"
     yield "|---|---|---|---|---|---|---|"
-    aircraft = range(args.count(5))
+    aircraft = args.aircraft(0, 5)
     for rate_hz, modes, drift in EARLY:
         given = {"drift": drift} if drift else {}
         baselines = reference(args, aircraft, rate_hz, modes, **given)
@@ -127,7 +127,7 @@ def early(args: argparse.Namespace) -> Rows:
 
 def alarms(args: argparse.Namespace) -> Rows:
     """Count the false alarms in a healthy run whose flights are used for nothing else."""
-    aircraft = range(530, 530 + args.count(12))
+    aircraft = args.aircraft(530, 12)
     baselines = reference(args, aircraft, 25.0, MODES)
     total, found, other = _found(args, baselines, aircraft, 25.0, MODES, 226, 0.0, 1000)
     hours = total * 100.0 / 3600.0
@@ -151,7 +151,7 @@ def growth(args: argparse.Namespace) -> Rows:
     yield ""
     yield "| rate | modes | actuator-flights | found | median delay | 90 % |"
     yield "|---|---|---|---|---|---|"
-    aircraft = range(600, 600 + args.count(4))
+    aircraft = args.aircraft(600, 4)
     grows = dict.fromkeys(SURFACES, (Condition.growing("friction", 0.2, at_s=20.0),))
     for rate_hz in (25.0, 100.0):
         baselines = reference(args, aircraft, rate_hz, MODES)
@@ -188,7 +188,7 @@ def conditions(args: argparse.Namespace) -> Rows:
     """Yield the share of each condition named right, clear / half as severe, and what is named wrong."""
     named: dict[tuple[str, str], Counter[str]] = {}
     for rate_hz in RATES_HZ:
-        named.update(_named_at(args, range(700, 700 + args.count(3)), rate_hz))
+        named.update(_named_at(args, args.aircraft(700, 3), rate_hz))
     columns = [f"{tier} {rate_hz:g} Hz" for tier in BY_TIER for rate_hz in RATES_HZ]
     yield f"| condition, clear severity | {' | '.join(columns)} | of |"
     yield "|---" * (len(columns) + 2) + "|"

@@ -106,9 +106,13 @@ def main() -> None:
     )
     parser.add_argument("--scale", type=float, default=1.0, help="of the number of flights")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument(
+        "--later", type=int, default=0, help="added to the aircraft's numbers, in the sections with baselines"
+    )
     parser.add_argument("--logs", type=Path, default=Path("logs"), help="folder of real logs")
     args = parser.parse_args()
     args.count = lambda number: max(round(number * args.scale), 1)
+    args.aircraft = lambda first, number: range(args.later + first, args.later + first + args.count(number))
     args.say = lambda text: print(f"  {text}", flush=True)
     for name in args.section or SECTIONS:
         start = time.perf_counter()
