@@ -90,7 +90,8 @@ def _each(
 ) -> float | Array:
     """Return a kernel's values of numbers and arrays of any shapes that fit each other."""
     wide = np.broadcast_arrays(*(np.asarray(given, dtype=np.float64) for given in (freedom, at)))
-    found = values_of(*map(np.ravel, wide)).reshape(wide[0].shape)
+    # Copies: a kernel that is compiled at its first call asks whether it may write to them, and numpy warns.
+    found = values_of(*(each.flatten() for each in wide)).reshape(wide[0].shape)
     return found if found.ndim else float(found)
 
 
