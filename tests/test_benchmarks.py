@@ -36,167 +36,123 @@ class Small(NamedTuple):
 
     arguments: str = ""
     constants: dict[str, Any] = {}
-    slow: bool = False
-    needs: Path | str | None = ROOT
     compares: dict[str, Cells] = {}
+    slow: bool = True
+    needs: Path | str | None = ROOT
 
 
+SENSORS = {"TELEMETRY": {"sensors": None}}
+SHEET = {"PROFILES": {"0.0": "load_friction = 0.0"}, "PAPER_FRICTION_NM": (0.225, 1.025)}
+SHAKEN = {"HEALTHY": 1, "HISTORIES": (10,), "SOURCES": {"1 kHz": 1000.0}}
+OWN = {"FLIGHTS_BEFORE": 20, "FRICTIONS": (0.02, 0.2), "OTHERS": {"torque_constant": 0.15}}
+BASELINES = {"_against_baseline.RATES_HZ": (100.0,), "_against_baseline.CLEAR": {"resistance": 0.15}}
+WINDOWS, ALARMS = ("windows answered",), ("alarms over promised",)  # columns that no small run measures
 RUNS: dict[str, list[Small]] = {
-    "alfa": [Small("FLIGHTS", slow=True), Small("FLIGHTS --radio 1", slow=True)],
-    "answers": [Small("FLIGHTS")],
-    "bridge": [Small()],
-    "conditions": [
-        Small(
-            constants={"CLEAR": {"supply_sag": 6.0}},
-            slow=True,
-            compares={"| condition, unit": Cells(factor=1.1)},
-        )
-    ],
-    "control": [Small("--no-airspeed --healthy-hours 0.1 --share 40 --only mixed --jobs 1", slow=True)],
-    "control_history": [Small("--aircraft 1 --flights 1 --tests 1 --jobs 1 --fault none", slow=True)],
-    "damaged": [Small("--count 1", slow=True)],
+    "alfa": [Small("FLIGHTS"), Small("FLIGHTS --radio 1")],
+    "answers": [Small("FLIGHTS", slow=False)],
+    "bridge": [Small(slow=False)],
+    "conditions": [Small("", {"CLEAR": {"supply_sag": 6.0}}, {"| condition, unit": Cells(factor=1.1)})],
+    "control": [Small("--no-airspeed --healthy-hours 0.1 --share 40 --only mixed --jobs 1")],
+    "control_history": [Small("--aircraft 1 --flights 1 --tests 1 --jobs 1 --fault none")],
+    "damaged": [Small("--count 1")],
     "decode": [
-        Small(f"--format {name} --megabytes 1 --large 1 --repeat 1", {"STATES": ()}, slow=True)
+        Small(f"--format {name} --megabytes 1 --large 1 --repeat 1", {"STATES": ()})
         for name in ("tlog", "dataflash", "ulog")
     ],
-    "false_alarms": [Small("--hours 0.01", {"_FLIGHT_S": 30.0})],
-    "fleet": [Small("stored", {"LANDINGS": (10,)}, slow=True)],
-    "fleet_equality": [Small("--flights 1", {"AIRCRAFT": 4, "TWO_VEHICLES": (3,)}, slow=True)],
-    "fleet_year": [Small("--aircraft 1 --days 7", slow=True)],
+    "false_alarms": [Small("--hours 0.01", {"_FLIGHT_S": 30.0}, slow=False)],
+    "fleet": [Small("stored", {"LANDINGS": (10,)})],
+    "fleet_equality": [Small("--flights 1", {"AIRCRAFT": 4, "TWO_VEHICLES": (3,)})],
+    "fleet_year": [Small("--aircraft 1 --days 7")],
     "growth": [
         Small(
             "--histories 3 --first 7000 --every 100",
             {"SCATTERS": (0.03,), "BEGINS": (0,)},
-            compares={"| growth after": Cells(labels=2, of=3)},
+            {"| growth after": Cells(labels=2, of=3)},
+            slow=False,
         )
     ],
     "health": [
-        Small(
-            "friction --scale 0.067 --workers 1",
-            slow=True,
-        ),
-        Small("flights --scale 0.016 --workers 1", slow=True),
-        Small("jams --scale 0.1 --workers 1", {"_against_limits.MODES": ("takeoff",)}, slow=True),
-        Small("windows --scale 0.05 --workers 1", {"_against_limits.WINDOWS_HZ": (10.0,)}, slow=True),
+        Small("friction --scale 0.067 --workers 1"),
+        Small("flights --scale 0.016 --workers 1"),
+        Small("jams --scale 0.1 --workers 1", {"_against_limits.MODES": ("takeoff",)}),
+        Small("windows --scale 0.05 --workers 1", {"_against_limits.WINDOWS_HZ": (10.0,)}),
         Small(
             "early --scale 0.2 --workers 1",
             {"_against_baseline.EARLY": ((25.0, ("takeoff",), 0.0),)},
-            slow=True,
-            compares={"| rate | modes | k_t drift": Cells(labels=3, of="of")},
+            {"| rate | modes | k_t drift": Cells(labels=3, of="of")},
         ),
         Small(
-            "conditions --scale 0.2 --workers 1",
-            {"_against_baseline.RATES_HZ": (100.0,), "_against_baseline.CLEAR": {"resistance": 0.15}},
-            slow=True,
-            compares={"| condition, clear severity": Cells(of="of")},
+            "conditions --scale 0.2 --workers 1", BASELINES, {"| condition, clear severity": Cells(of="of")}
         ),
     ],
-    "holes": [Small("--every 100 LOG")],
-    "house": [Small(slow=True)],
-    "links": [Small("LINKS", slow=True, needs=LINKS)],
-    "live": [Small("--only share --seconds 15", slow=True)],
+    "holes": [Small("--every 100 LOG", slow=False)],
+    "house": [Small()],
+    "links": [Small("LINKS", needs=LINKS)],
+    "live": [Small("--only share --seconds 15")],
     "load_friction": [
-        Small(
-            "--only sheet",
-            {
-                "TELEMETRY": {"sensors": None},
-                "PROFILES": {"0.0": "load_friction = 0.0"},
-                "PAPER_FRICTION_NM": (0.225, 1.025),
-            },
-            slow=True,
-        ),
+        Small("--only sheet", SENSORS | SHEET),
         Small(
             "--only own --each 1",
-            {"TELEMETRY": {"sensors": None}, "RISES": (0.0, 1.0), "BEFORE": 10},
-            slow=True,
-            compares={"| read by | judged by": Cells(labels=2)},
+            SENSORS | {"RISES": (0.0, 1.0), "BEFORE": 10},
+            {"| read by | judged by": Cells(labels=2)},
         ),
     ],
     "motors": [
         Small(
             "--faults 1 --hours 0.1",
             {"LOSSES": (1.0, 0.3)},
-            slow=True,
-            compares={"| lost thrust": Cells(labels=2, factor=4.0)},
+            {"| lost thrust": Cells(labels=2, factor=4.0)},
         )
     ],
-    "unbalance": [
-        Small(
-            "--craft 1",
-            {"HEALTHY": 1, "HISTORIES": (10,), "SOURCES": {"1 kHz": 1000.0}},
-            slow=True,
-            compares={"| samples": Cells(labels=2)},
-        )
-    ],
+    "unbalance": [Small("--craft 1", SHAKEN, {"| samples": Cells(labels=2)})],
     "networks": [
-        Small(
-            "--part cards",
-            compares={"| network | inputs": Cells(labels=2, factor=1.01)},
-        ),
+        Small("--part cards", {}, {"| network | inputs": Cells(labels=2, factor=1.01)}, slow=False),
         Small(
             "--flights 1 --part windows",
             {"_windows.CYCLOGRAMS_EACH": 3},
-            slow=True,
-            compares={
-                "| network | right of the decided, card": Cells(of=12, factor=4.0),
-            },
+            {"| network | right of the decided, card": Cells(of=12, factor=4.0)},
         ),
         Small(
             "--flights 1 --part independent",
             {"EACH": 3},
-            slow=True,
-            compares={"| | windows answered": Cells(of=6, each=45, without=("windows answered",))},
+            {"| | windows answered": Cells(of=6, each=45, without=WINDOWS)},
         ),
     ],
     "own_history": [
         Small(
             "--aircraft 1 --each 1 --healthy 1 --sheet 0 --identify 0 --only motor",
-            {"FLIGHTS_BEFORE": 20, "FRICTIONS": (0.02, 0.2), "OTHERS": {"torque_constant": 0.15}},
-            slow=True,
-            compares={
-                "| measured": Cells(labels=2, of=4),
-                "| fault | motor": Cells(of=4),
-            },
+            OWN,
+            {"| measured": Cells(labels=2, of=4), "| fault | motor": Cells(of=4)},
         ),
         Small(
-            "--aircraft 0 --sheet 0 --identify 1",
-            {"IDENTIFIED": ("esc-signed",), "IDENTIFIED_HZ": (25.0,)},
-            slow=True,
+            "--aircraft 0 --sheet 0 --identify 1", {"IDENTIFIED": ("esc-signed",), "IDENTIFIED_HZ": (25.0,)}
         ),
     ],
-    "own_supply": [
-        Small(
-            constants={"LOST_V": (24.0,), "NAMES": ("position, 50 Hz",)},
-            slow=True,
-        )
-    ],
-    "page": [Small(constants={"DROPS": 1, "TWENTY": 1}, slow=True, needs=BROWSER)],
-    "perturbed": [Small("FLIGHTS --kinds cut --seeds 0-0 --jobs 1", {"_BEGINNINGS": 2}, slow=True)],
+    "own_supply": [Small("", {"LOST_V": (24.0,), "NAMES": ("position, 50 Hz",)})],
+    "page": [Small("", {"DROPS": 1, "TWENTY": 1}, needs=BROWSER)],
+    "perturbed": [Small("FLIGHTS --kinds cut --seeds 0-0 --jobs 1", {"_BEGINNINGS": 2})],
     "promised": [
         Small(
-            "--draws 10",
-            compares={"| between flights": Cells(labels=5, factor=1.5, without=("alarms over promised",))},
+            "--draws 10", {}, {"| between flights": Cells(labels=5, factor=1.5, without=ALARMS)}, slow=False
         )
     ],
-    "real_actuators": [
-        Small("ACTUATORS --only sheet --reps 0 --kinds sensor --workers 1", slow=True, needs=ACTUATORS)
-    ],
-    "record": [Small(constants={"CASES": {}})],
-    "resemblance": [Small("--flights 3", slow=True, compares={"| | closed loop": Cells()})],
-    "response_history": [Small("FLIGHTS")],
-    "severities": [Small("friction --seeds 1 --seconds 20 --workers 1", {"STEPS": 2})],
-    "simulate": [Small("--quick", slow=True)],
-    "start": [Small(constants={"TIMES": 1, "PARTS": {"numpy": "import numpy"}}, slow=True)],
+    "real_actuators": [Small("ACTUATORS --only sheet --reps 0 --kinds sensor --workers 1", needs=ACTUATORS)],
+    "record": [Small("", {"CASES": {}}, slow=False)],
+    "resemblance": [Small("--flights 3", {}, {"| | closed loop": Cells()})],
+    "response_history": [Small("FLIGHTS", slow=False)],
+    "severities": [Small("friction --seeds 1 --seconds 20 --workers 1", {"STEPS": 2}, slow=False)],
+    "simulate": [Small("--quick")],
+    "start": [Small("", {"TIMES": 1, "PARTS": {"numpy": "import numpy"}})],
     "steering": [
-        Small("--drives 2 --hours 0.1", compares={"| fault | vehicle": Cells(labels=2, factor=6.0)})
+        Small("--drives 2 --hours 0.1", {}, {"| fault | vehicle": Cells(labels=2, factor=6.0)}, slow=False)
     ],
     "threshold_mutants": [
-        Small("--only HORIZON_FLIGHTS", {"TESTS": ("tests/health/decision/test_growth.py",)}, slow=True)
+        Small("--only HORIZON_FLIGHTS", {"TESTS": ("tests/health/decision/test_growth.py",)})
     ],
-    "tiers": [Small(constants={"RATES_HZ": (25.0,), "PAPER_FRICTION_NM": (0.225,)}, slow=True)],
-    "train": [Small("--quick --part fifty --solver lbfgs --inputs 4", slow=True)],
-    "trend": [Small("--quick", {"TAILS": {"normal": normal}}, slow=True)],
-    "worn": [Small(constants={"CASES": (("none", 0.0), ("jam", 10.0))}, slow=True)],
+    "tiers": [Small("", {"RATES_HZ": (25.0,), "PAPER_FRICTION_NM": (0.225,)})],
+    "train": [Small("--quick --part fifty --solver lbfgs --inputs 4")],
+    "trend": [Small("--quick", {"TAILS": {"normal": normal}})],
+    "worn": [Small("", {"CASES": (("none", 0.0), ("jam", 10.0))})],
 }
 
 
@@ -239,12 +195,8 @@ def test_a_benchmark_runs(
     )
     for file in RESPONSES:
         (tmp_path / file).symlink_to(CARRIED / file)
-    places = {
-        "FLIGHTS": tmp_path,
-        "LINKS": LINKS,
-        "LOG": CARRIED / "friction.BIN",
-        "ACTUATORS": ACTUATORS,
-    }
+    log = CARRIED / "friction.BIN"
+    places = {"FLIGHTS": tmp_path, "LINKS": LINKS, "LOG": log, "ACTUATORS": ACTUATORS}
     module = importlib.import_module(f"benchmarks.{name}")
     for constant, value in small.constants.items():
         place, _, attribute = constant.rpartition(".")
