@@ -35,17 +35,17 @@ def zipped(path: Path, *members: tuple[str, bytes]) -> Path:
     return path
 
 
-COMPRESSED = {
-    "flight.ulg.gz": gzip.compress(LOG),
-    "two members.gz": gzip.compress(LOG[:1000]) + gzip.compress(LOG[1000:]),
-    "flight.ulg.zst": zstandard.compress(LOG),
-    "two frames.zst": zstandard.compress(LOG[:1000]) + zstandard.compress(LOG[1000:]),
-    "flight.ulg.xz": lzma.compress(LOG),
-    "two streams.xz": lzma.compress(LOG[:1000]) + bytes(8) + lzma.compress(LOG[1000:]),
-    "flight.ulg.bz2": bz2.compress(LOG),
-    "two streams.bz2": bz2.compress(LOG[:1000]) + bz2.compress(LOG[1000:]),
-    "no suffix": gzip.compress(LOG),
+COMPRESSORS: dict[str, Callable[[bytes], bytes]] = {
+    "gz": gzip.compress,
+    "zst": zstandard.compress,
+    "xz": lzma.compress,
+    "bz2": bz2.compress,
 }
+COMPRESSED = {f"flight.ulg.{suffix}": compress(LOG) for suffix, compress in COMPRESSORS.items()}
+COMPRESSED["no suffix"] = gzip.compress(LOG)
+for _suffix, _compress in COMPRESSORS.items():
+    _padding = bytes(8 if _suffix == "xz" else 0)
+    COMPRESSED[f"two streams.{_suffix}"] = _compress(LOG[:1000]) + _padding + _compress(LOG[1000:])
 ARCHIVED = {
     "one.zip": (("a/", b""), ("a/flight.ulg", LOG), ("__MACOSX/a", b"x")),
     "inner.zip": (("flight.ulg.gz", gzip.compress(LOG)),),
@@ -68,10 +68,7 @@ def test_what_is_packed_is_read_as_the_log_in_it(name: str, tmp_path: Path) -> N
     assert analyse(path).log.sha256 == analyse(plain).log.sha256
 
 
-COMPRESSORS = (gzip.compress, zstandard.compress, lzma.compress, bz2.compress)
-
-
-@pytest.mark.parametrize(("inner", "outer"), list(product(COMPRESSORS, COMPRESSORS)))
+@pytest.mark.parametrize(("inner", "outer"), list(product(COMPRESSORS.values(), repeat=2)))
 def test_what_is_packed_twice_is_read(inner: Any, outer: Any, tmp_path: Path) -> None:
     path = tmp_path / "twice"
     path.write_bytes(outer(inner(LOG)))
@@ -79,47 +76,25 @@ def test_what_is_packed_twice_is_read(inner: Any, outer: Any, tmp_path: Path) ->
         assert file.read(len(LOG) + 1) == LOG
 
 
-def broken_directory(folder: Path) -> Path:
-    path = zipped(folder / "bad.zip", ("flight.ulg", LOG))
-    path.write_bytes(path.read_bytes().replace(b"PK\x01\x02", b"PK\x01\x03"))
-    return path
-
-
-def several(folder: Path) -> Path:
-    return zipped(folder / "several.zip", ("a.ulg", LOG), ("b.ulg", LOG))
-
-
-def unknown_member(folder: Path) -> Path:
-    return several(folder) / "c.ulg"
-
-
-def empty(folder: Path) -> Path:
-    return zipped(folder / "empty.zip", ("a/", b""))
-
-
-def member_of_a_file(folder: Path) -> Path:
-    (folder / "flight.ulg").write_bytes(LOG)
-    return folder / "flight.ulg" / "member"
-
-
-def zip_in_zip(folder: Path) -> Path:
-    return zipped(folder / "outer.zip", ("several.zip", several(folder).read_bytes()))
-
-
 @pytest.mark.parametrize(
-    ("made", "said"),
+    ("name", "said"),
     [
-        (broken_directory, "damaged or cut"),
-        (several, "contains 2 files: a.ulg, b.ulg: name one, for example .*several.zip/a.ulg"),
-        (unknown_member, "no such member: it holds a.ulg, b.ulg"),
-        (empty, "contains no file"),
-        (member_of_a_file, "is a file, not a zip archive"),
-        (zip_in_zip, "this is a zip archive"),
+        ("bad.zip", "damaged or cut"),
+        ("several.zip", "contains 2 files: a.ulg, b.ulg: name one, for example .*several.zip/a.ulg"),
+        ("several.zip/c.ulg", "no such member: it holds a.ulg, b.ulg"),
+        ("empty.zip", "contains no file"),
+        ("flight.ulg/member", "is a file, not a zip archive"),
+        ("outer.zip", "this is a zip archive"),
     ],
 )
-def test_what_cannot_be_read_is_told(made: Callable[[Path], Path], said: str, tmp_path: Path) -> None:
+def test_what_cannot_be_read_is_told(name: str, said: str, tmp_path: Path) -> None:
+    several = zipped(tmp_path / "several.zip", ("a.ulg", LOG), ("b.ulg", LOG)).read_bytes()
+    (tmp_path / "bad.zip").write_bytes(several.replace(b"PK\x01\x02", b"PK\x01\x03"))
+    (tmp_path / "flight.ulg").write_bytes(LOG)
+    zipped(tmp_path / "empty.zip", ("a/", b""))
+    zipped(tmp_path / "outer.zip", ("several.zip", several))
     with pytest.raises(UnreadableLogError, match=said):
-        read_log(made(tmp_path))
+        read_log(tmp_path / name)
 
 
 def drain(file: SequentialFile) -> None:
@@ -128,13 +103,13 @@ def drain(file: SequentialFile) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pack", [gzip.compress, zstandard.compress])
+@pytest.mark.parametrize("suffix", COMPRESSORS)
 def test_a_bomb_is_stopped_and_needs_no_memory(
-    pack: Callable[[bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(SequentialFile, "free", 1 << 20)
     path = tmp_path / "bomb"
-    path.write_bytes(pack(bytes(256 << 20)))
+    path.write_bytes(COMPRESSORS[suffix](bytes(256 << 20)))
     tracemalloc.start()
     with opened(path) as file, pytest.raises(UnreadableLogError, match="expands to more than 200 times"):
         drain(file)
@@ -191,7 +166,7 @@ def test_the_standard_input_may_be_compressed(monkeypatch: pytest.MonkeyPatch) -
     assert read_log("-").format == "ulog"
 
 
-@pytest.mark.parametrize("compress", COMPRESSORS)
+@pytest.mark.parametrize("compress", COMPRESSORS.values())
 def test_a_cut_or_damaged_stream_is_told(compress: Any, tmp_path: Path) -> None:
     whole = compress(LOG)
     damaged = bytearray(whole)
@@ -210,12 +185,3 @@ def test_an_xz_stream_that_wants_much_memory_is_refused(tmp_path: Path) -> None:
     (tmp_path / "greedy.xz").write_bytes(lzma.compress(LOG, filters=filters))
     with pytest.raises(UnreadableLogError, match="damaged or cut"), opened(tmp_path / "greedy.xz") as file:
         drain(file)
-
-
-@pytest.mark.slow
-def test_zeros_in_any_packing_expand_to_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SequentialFile, "free", 1 << 20)
-    for compress in (lzma.compress, bz2.compress):
-        (tmp_path / "zeros").write_bytes(compress(bytes(64 << 20)))
-        with pytest.raises(UnreadableLogError, match="expands"), opened(tmp_path / "zeros") as file:
-            drain(file)
