@@ -60,7 +60,6 @@ def test_markdown_says_what_the_text_says_and_names_no_folder(
     assert f"\n\n*{growing_log.name}*\n" in several.out
     assert f"| {growing_log.name} | unreadable | no such file | 1 |" in several.out
     assert not [path for path in (growing_log, healthy_log, missing) if str(path.parent) in several.out]
-    assert run("analyse", growing_log, "--markdown", "--json").code == ExitCode.USAGE
 
 
 def test_analyse_writes_recordings(run: Run, growing_log: Path, healthy_log: Path, tmp_path: Path) -> None:
@@ -72,34 +71,6 @@ def test_analyse_writes_recordings(run: Run, growing_log: Path, healthy_log: Pat
     folder = tmp_path / "recordings"
     assert run("analyse", growing_log, healthy_log, "--rrd", folder).code == ExitCode.EMERGENCY
     assert sorted(path.name for path in folder.iterdir()) == ["growing.rrd", "healthy.rrd"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "message"),
-    [
-        (["analyse"], ExitCode.USAGE, "Missing argument"),
-        (["analyse", "LOG", "--open"], ExitCode.USAGE, "--open needs --rrd"),
-        (["analyse", "LOG", "LOG", "--rrd", "x"], ExitCode.USAGE, "share one recording"),
-        (["inspect", "/nowhere.tlog"], ExitCode.ERROR, "no such file"),
-        (["fly"], ExitCode.USAGE, "No such command"),
-    ],
-)
-def test_errors_are_one_line_and_a_code(
-    run: Run, healthy_log: Path, arguments: list[str], code: ExitCode, message: str
-) -> None:
-    outcome = run(*(str(healthy_log) if argument == "LOG" else argument for argument in arguments))
-    assert outcome.code == code
-    assert message in outcome.err
-    assert "Traceback" not in outcome.err
-
-
-def test_a_folder_for_recordings_that_cannot_be_made(
-    run: Run, healthy_log: Path, growing_log: Path, tmp_path: Path
-) -> None:
-    (tmp_path / "file").touch()
-    outcome = run("analyse", healthy_log, growing_log, "--rrd", tmp_path / "file" / "folder")
-    assert outcome.code == ExitCode.ERROR
-    assert "--rrd names a folder" in outcome.err
 
 
 @pytest.mark.slow

@@ -80,4 +80,3 @@ def test_a_log_without_curves_says_so(run: Run, tmp_path: Path) -> None:
     assert outcome.code == 1
     assert "no curves" in outcome.err
     assert not (tmp_path / "curves.csv").exists()
-    assert run("export", log, "--curves", "--messages", "X", "-o", tmp_path / "x.csv").code == 2

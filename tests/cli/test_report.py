@@ -27,24 +27,6 @@ def test_a_growing_fault_is_told_with_its_curve(run: Run, growing_log: Path, tmp
     assert str(growing_log.parent) not in text, "whoever gets the page learns nothing of the sender's disk"
 
 
-def test_the_log_is_never_replaced_and_a_failure_leaves_no_page(
-    run: Run, short_log: Path, tmp_path: Path
-) -> None:
-    before = short_log.read_bytes()
-    code, _, err = run("report", short_log, "-o", short_log)
-    assert code == ExitCode.ERROR
-    assert "is the log itself" in err
-    assert short_log.read_bytes() == before
-    page = tmp_path / "report.html"
-    code, _, err = run("report", tmp_path / "absent.tlog", "-o", page)
-    assert code == ExitCode.ERROR
-    assert "absent.tlog" in err
-    assert run("report", short_log, "-o", tmp_path / "none" / "report.html").code == ExitCode.ERROR
-    assert run("report", short_log).code == ExitCode.USAGE
-    assert run("report", short_log, "-o", page, "--baseline-from", "2026-01-01").code == ExitCode.USAGE
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_an_ordinary_log_shows_what_could_be_judged(run: Run, tmp_path: Path) -> None:
     log = REAL_LOGS / "sitl" / "plane_normal.mavproxy.tlog"
     if not log.exists():

@@ -70,8 +70,6 @@ def test_what_no_network_covers_is_not_classified(run: Run, short_log: Path, tmp
     assert "no network covers it: it carries V1, " in outcome.err
     assert "my-net takes V1, V5, V7 of mine" in outcome.err
     assert not (tmp_path / "c.csv").exists()
-    for wrong in (["--messages", "ATTITUDE", "--classify"], ["--model", "paper-esc"]):
-        assert run("export", short_log, "-o", tmp_path / "c.csv", *wrong).code == ExitCode.USAGE
 
 
 def test_parquet_holds_the_same_as_csv(run: Run, short_log: Path, tmp_path: Path) -> None:
@@ -117,34 +115,11 @@ def test_several_messages_are_a_file_each(run: Run, short_log: Path, tmp_path: P
     assert "SERVO1_FUNCTION" in (tmp_path / "flight-PARAM_VALUE.csv").read_text()
 
 
-@pytest.mark.parametrize(
-    ("output", "arguments", "code", "message"),
-    [
-        ("t.xls", [], ExitCode.ERROR, "use the extension .parquet or .csv"),
-        ("t.csv", ["--messages", "ATITUDE"], ExitCode.ERROR, "did you mean ATTITUDE?"),
-        ("t.csv", ["--messages", "ATTITUDE,XYZ"], ExitCode.ERROR, "contains no message XYZ"),
-        ("t.csv", ["--messages", "ATTITUDE", "--airframe", "paper"], ExitCode.USAGE, "--airframe is for"),
-        ("t.csv", ["--airframe", "nonesuch"], ExitCode.ERROR, "no airframe profile 'nonesuch'"),
-        ("no/t.csv", [], ExitCode.ERROR, "cannot write"),
-        ("no/t.csv", ["--messages", "ATTITUDE"], ExitCode.ERROR, "cannot write"),
-        ("t.csv", ["--messages", " , "], ExitCode.ERROR, "no message is named"),
-    ],
-)
-def test_what_cannot_be_exported_is_said_and_leaves_nothing(
-    run: Run, short_log: Path, tmp_path: Path, output: str, arguments: list[str], code: int, message: str
-) -> None:
-    outcome = run("export", short_log, "-o", tmp_path / output, *arguments)
-    assert outcome.code == code
-    assert message in outcome.err
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_log_without_a_profile_or_without_telemetry_is_not_exported(run: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "x.tlog", [heartbeat(3)])
     assert "names no airframe profile" in run("export", log, "-o", tmp_path / "x.csv").err
     outcome = run("export", log, "-o", tmp_path / "x.csv", "--airframe", "paper")
     assert "contains no telemetry of the actuators of paper" in outcome.err
-    assert run("export", tmp_path / "no.tlog", "-o", tmp_path / "x.csv").code == ExitCode.ERROR
     assert [path.name for path in tmp_path.iterdir()] == ["x.tlog"]
 
 
@@ -162,24 +137,11 @@ def test_the_packaged_model_shows_its_card(run: Run) -> None:
         assert " ".join(line.split()) in " ".join(outcome.out.split())
 
 
-def test_every_command_takes_a_model_by_name_and_lists_the_names_for_a_wrong_one(
-    run: Run, short_log: Path, tmp_path: Path
-) -> None:
+def test_commands_take_a_model_by_name(run: Run, short_log: Path) -> None:
     shown = json.loads(run("model", "show", "paper-esc", "--json").out)
     judged = json.loads(run("analyse", short_log, "--model", "paper-esc", "--json").out)
     assert shown["name"] == "paper-esc"
     assert judged["model"] == {"name": "paper-esc", "hash": shown["hash"]}
-    for command in (
-        ["model", "show", "paper-ecs"],
-        ["analyse", short_log, "--model", "paper-ecs"],
-        ["report", short_log, "-o", tmp_path / "r.html", "--model", "paper-ecs"],
-        ["live", "udpin:0", "--model", "paper-ecs"],
-        ["fleet", "scan", short_log, "--store", tmp_path / "store", "--model", "paper-ecs"],
-        ["serve", "--port", "0", "--model", "paper-ecs"],
-    ):
-        outcome = run(*command)
-        assert outcome.code == ExitCode.ERROR, command
-        assert all(name in outcome.err for name in mavhums.models()), command
 
 
 def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
@@ -190,6 +152,3 @@ def test_a_card_is_json_for_scripts(run: Run, tmp_path: Path) -> None:
     assert card["hash"] == model.hash
     assert card["features"] == list(model.card.features)
     assert card["selection"]["selected"] == list(model.card.selection.selected)
-    outcome = run("model", "show", tmp_path / "none")
-    assert outcome.code == ExitCode.ERROR
-    assert "no readable model file" in outcome.err
