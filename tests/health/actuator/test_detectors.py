@@ -24,6 +24,7 @@ from mavhums.health.actuator.detectors.electrical import contradicts
 from mavhums.health.decision.events import Indication
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
+from tests.health.builders import samples
 from tests.health.flown import SURFACES, Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
 from tests.present import present
 from tests.strategies import cuts
@@ -196,10 +197,9 @@ def test_a_jam_shows_in_light_air() -> None:
 def test_a_rotor_that_winds_up_its_gear_moves_no_surface(flown_deg: float, jammed: bool) -> None:
     """An angle divided from the rotor's shows what the gear gives, too; a sensor's at the shaft does not."""
     time_s = np.arange(0.0, 30.0, 0.04)
-    values = np.full((time_s.size, 12), np.nan)
-    values[:, column("V1")] = 3.0 * np.sin(2.0 * time_s)
-    values[:, column("V3")] = np.clip(values[:, column("V1")], -flown_deg, flown_deg)
-    values[:, column("V7")] = np.gradient(values[:, column("V3")], time_s) * 50.0
+    command = 3.0 * np.sin(2.0 * time_s)
+    angle = np.clip(command, -flown_deg, flown_deg)
+    values = samples(time_s.size, V1=command, V3=angle, V7=np.gradient(angle, time_s) * 50.0)
     rotors, sensors = np.isin(KEYS, ["V1", "V7"]), np.isin(KEYS, ["V1", "V3", "V7"])
     found = [watch(Telemetry(time_s, values), measured=measured)[1] for measured in (rotors, sensors)]
     assert [bool(findings.suspects) for findings in found] == [jammed, False]

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
 from mavhums_sim.conditions import Condition
+from tests.health.builders import samples
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
 
 Array = NDArray[np.float64]
-_V1, _V3 = column("V1"), column("V3")
+_V3 = column("V3")
 NO_CONSTANTS = actuator_of().model_copy(update={"ema": None})
 
 
@@ -30,10 +31,9 @@ def servo(command: Array, time_s: Array, *, slew_deg_s: float, lag_s: float = 0.
 
 def flight(slew_deg_s: float, amplitude_deg: float, period_s: float) -> Telemetry:
     time_s = np.arange(0.0, 40.0, 0.02)
-    values = np.full((time_s.size, 12), np.nan)
-    values[:, _V1] = amplitude_deg * np.sin(2 * np.pi * time_s / period_s)
-    values[:, _V3] = servo(values[:, _V1], time_s, slew_deg_s=slew_deg_s)
-    return Telemetry(time_s, values)
+    command = amplitude_deg * np.sin(2 * np.pi * time_s / period_s)
+    angle = servo(command, time_s, slew_deg_s=slew_deg_s)
+    return Telemetry(time_s, samples(time_s.size, V1=command, V3=angle))
 
 
 @pytest.mark.slow

@@ -17,7 +17,8 @@ from mavhums.health.actuator.monitor import ActuatorFindings
 from mavhums.health.decision.limits import Estimates
 from mavhums.health.estimation.equations import Fits
 from mavhums.health.estimation.motion import motion
-from mavhums.health.estimation.slots import COLUMNS, SlotCutter, Slots
+from mavhums.health.estimation.slots import SlotCutter, Slots, with_extra_columns
+from tests.health.builders import samples
 from tests.health.flown import Telemetry, actuator_of, watch_blocks
 from tests.present import present
 
@@ -28,39 +29,40 @@ KNOWN = PAPER.model_copy(update={"ema": EMA.model_copy(update={"torque_uncertain
 SECONDS = 12
 
 
-def measured(count: int, **quantities: Array | None) -> Array:
-    """Return V1…V12 and the columns beside them of samples; what is None or absent is not measured."""
-    values = np.full((count, COLUMNS), np.nan)
-    for key, known in quantities.items():
-        if known is not None:
-            values[:, column(key)] = known
-    return values
+def tones(t: Array, size: float) -> tuple[Array, Array, Array]:
+    """Return angle, speed and acceleration of a motion of two tones, rad."""
+    two = [(size * share, w) for share, w in ((3.0, 2.1), (1.0, 5.3))]
+    angle = sum((a * np.sin(w * t) for a, w in two), np.zeros_like(t))
+    speed = sum((a * w * np.cos(w * t) for a, w in two), np.zeros_like(t))
+    return angle, speed, sum((-a * w**2 * np.sin(w * t) for a, w in two), np.zeros_like(t))
+
+
+def balanced(angle: Array, speed: Array, inner: Array, load: Array, *, v11: bool) -> tuple[Array, Array]:
+    """Return V3, V4, V7 and V11 of a motion, and its current: the balance of torques holds exactly.
+
+    ``inner`` is what friction and inertia take.
+    """
+    current = (inner + EMA.viscous * speed + load) / EMA.gear_ratio / EMA.torque_constant
+    voltage = EMA.resistance * current + EMA.gear_ratio * EMA.torque_constant * speed
+    known = {"V3": np.degrees(angle), "V4": voltage, "V7": speed / PAPER.rad_s(1.0)}
+    return samples(angle.size, **known, V11=load if v11 else np.nan), current
 
 
 def synthetic(
     friction: float, *, noise: float = 0.0, seed: int = 0, rate_hz: float = 100.0, v11: bool = True
 ) -> tuple[Array, Array]:
     """Times and V1…V12 for which the torque balance holds exactly, plus white noise in the torque."""
-    rng = np.random.default_rng(seed)
     t: Array = (np.arange(round(rate_hz * SECONDS), dtype=np.float64) + 0.5) / rate_hz
-    angle = 0.3 * np.sin(2.1 * t) + 0.1 * np.sin(5.3 * t)
-    speed = 0.63 * np.cos(2.1 * t) + 0.53 * np.cos(5.3 * t)
-    acceleration = -1.323 * np.sin(2.1 * t) - 2.809 * np.sin(5.3 * t)
-    load = 4.0 * angle + 0.2
-    torque = friction * np.sign(speed) + PAPER.inertia_output * acceleration + EMA.viscous * speed + load
-    current = (torque + noise * rng.standard_normal(t.size)) / EMA.gear_ratio / EMA.torque_constant
-    return t, measured(
-        t.size,
-        V3=np.degrees(angle),
-        V4=EMA.resistance * current + EMA.gear_ratio * EMA.torque_constant * speed,
-        V7=speed / PAPER.rad_s(1.0),
-        V8=current * EMA.torque_constant,
-        V11=load if v11 else None,
-    )
+    angle, speed, acceleration = tones(t, 0.1)
+    inner = friction * np.sign(speed) + PAPER.inertia_output * acceleration
+    inner += noise * np.random.default_rng(seed).standard_normal(t.size)
+    values, current = balanced(angle, speed, inner, 4.0 * angle + 0.2, v11=v11)
+    values[:, column("V8")] = current * EMA.torque_constant
+    return t, values
 
 
 def slots_of(time_s: Array, values: Array) -> Slots:
-    return present(SlotCutter().feed(time_s, values))
+    return present(SlotCutter().feed(time_s, with_extra_columns(values)))
 
 
 def estimate(time_s: Array, values: Array, actuator: Actuator = KNOWN) -> Estimates:
@@ -151,10 +153,9 @@ def corrections(friction: float, *, v11: bool = True) -> tuple[Array, Array]:
     way = np.where(np.isin(np.mod(step, 6), [0, 3, 4]), 1.0, -1.0)
     speed = way * np.where(phase < 0.1, 0.2 * (1.0 - phase / 0.1), 0.0)
     angle = np.cumsum(np.append(0.0, np.diff(t)) * speed)
-    load = 4.0 * angle + 0.2
-    torque = friction * np.sign(speed) + EMA.viscous * speed + load
-    known = {"V3": np.degrees(angle), "V7": speed / PAPER.rad_s(1.0), "V8": torque / EMA.gear_ratio}
-    return t, measured(t.size, **known, V11=load if v11 else None)
+    values, current = balanced(angle, speed, friction * np.sign(speed), 4.0 * angle + 0.2, v11=v11)
+    values[:, column("V4")], values[:, column("V8")] = np.nan, current * EMA.torque_constant
+    return t, values
 
 
 def concluded(time_s: Array, values: Array) -> tuple[Estimates, Estimates | None]:
@@ -193,16 +194,12 @@ def test_a_flight_is_judged_by_the_motion_that_shows_more_of_it() -> None:
 def loaded(friction: float, load_friction: float, *, v11: bool = False) -> tuple[Array, Array]:
     """A minute of a gear whose friction grows with its load, T_c + μ·|load|."""
     t: Array = (np.arange(6000, dtype=np.float64) + 0.5) / 100.0
-    angle = 0.9 * np.sin(2.1 * t) + 0.3 * np.sin(5.3 * t)
-    speed = 1.89 * np.cos(2.1 * t) + 1.59 * np.cos(5.3 * t)
-    acceleration = -3.969 * np.sin(2.1 * t) - 8.427 * np.sin(5.3 * t)
+    angle, speed, acceleration = tones(t, 0.3)
     load = 2.0 * np.sin(angle)
     rubbed = (friction + load_friction * np.abs(load)) * np.sign(speed)
-    torque = rubbed + PAPER.inertia_output * acceleration + EMA.viscous * speed + load
-    current = torque / EMA.gear_ratio / EMA.torque_constant
-    voltage = EMA.resistance * current + EMA.gear_ratio * EMA.torque_constant * speed
-    known = {"V3": np.degrees(angle), "V4": voltage, "V5": current, "V7": speed / PAPER.rad_s(1.0)}
-    return t, measured(t.size, **known, V11=load if v11 else None)
+    values, current = balanced(angle, speed, rubbed + PAPER.inertia_output * acceleration, load, v11=v11)
+    values[:, column("V5")] = current
+    return t, values
 
 
 def with_load_friction(value: float | None, uncertainty: float = 0.1) -> Actuator:
@@ -213,9 +210,9 @@ def with_load_friction(value: float | None, uncertainty: float = 0.1) -> Actuato
 
 
 def judged(time_s: Array, values: Array, actuator: Actuator, size: int = 6000) -> ActuatorFindings:
-    seen = Telemetry(time_s, values[:, :12])
+    seen = Telemetry(time_s, values)
     parts = [seen.between(a, a + size) for a in range(0, time_s.size, size)]
-    return watch_blocks(parts, actuator, measured=np.isfinite(values[0, :12]))[1]
+    return watch_blocks(parts, actuator, measured=np.isfinite(values[0]))[1]
 
 
 @pytest.mark.parametrize("v11", [True, False])

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.core.quantities import column
+from mavhums.core.quantities import KEYS
 from mavhums_sim.conditions import Condition
+from tests.health.builders import samples
 from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
 from tests.present import present
 
 Array = NDArray[np.float64]
-_V1, _V3 = column("V1"), column("V3")
 BARE = actuator_of().model_copy(update={"ema": None, "limits": None})
 
 
@@ -43,37 +43,34 @@ def test_three_seconds_are_enough_whenever_they_begin(phase_s: float, flown_deg:
     """The shaft gives by up to a fifth of the 8° that are commanded; the profile knows nothing."""
     time_s = np.arange(0.0, 40.0, 0.04)
     held = (time_s >= 20.0 + phase_s) & (time_s < 23.0 + phase_s)
-    values = np.full((time_s.size, 12), np.nan)
     command = 4.2 * np.sin(2.0 * np.pi * time_s / 1.7)
     start = command[held][0]
-    values[:, _V1] = command
-    values[:, _V3] = np.where(held, start + flown_deg * (command - start) / 8.4, command)
-    _, findings = watch(Telemetry(time_s, values), BARE)
+    angle = np.where(held, start + flown_deg * (command - start) / 8.4, command)
+    _, findings = watch(Telemetry(time_s, samples(time_s.size, V1=command, V3=angle)), BARE)
     assert findings.worst == "emergency"
 
 
 def test_a_pause_of_the_link_is_no_jam() -> None:
     """Command and shaft move and return while no sample comes."""
     time_s = np.arange(0.0, 40.0, 0.04)
-    values = np.full((time_s.size, 12), np.nan)
-    values[:, _V1] = values[:, _V3] = 8.0 * np.sin(2.0 * time_s)
+    command = 8.0 * np.sin(2.0 * time_s)
     there = (time_s < 20.0) | (time_s > 22.2)
-    values[(time_s > 19.9) & (time_s < 22.5), _V3] = 0.0
+    angle = np.where((time_s > 19.9) & (time_s < 22.5), 0.0, command)
+    values = samples(time_s.size, V1=command, V3=angle)
     _, findings = watch(Telemetry(time_s[there], values[there]), BARE)
     assert findings.worst == "undecided"
 
 
 def unsigned(time_s: Array, moves: NDArray[np.bool_]) -> Telemetry:
     """Return a command of ±8°, and the magnitude of the speed of a shaft that follows it in some samples."""
-    values = np.full((time_s.size, 12), np.nan)
-    values[:, _V1] = 8.0 * np.sin(2.0 * time_s)
     speed = np.abs(16.0 * np.cos(2.0 * time_s)) * actuator_of().known_ema().gear_ratio / 6.0
     magnitudes = np.full((time_s.size, 3), np.nan)
     magnitudes[:, 2] = np.where(moves, speed, 0.0)
-    return Telemetry(time_s, values, magnitudes=magnitudes)
+    command = samples(time_s.size, V1=8.0 * np.sin(2.0 * time_s))
+    return Telemetry(time_s, command, magnitudes=magnitudes)
 
 
-NOTHING = np.isin(np.arange(12), [_V1])
+NOTHING = np.isin(KEYS, ["V1"])
 
 
 @pytest.mark.parametrize("rate_hz", [10.0, 25.0, 100.0])
@@ -124,8 +121,8 @@ def test_a_shaft_that_stands_at_stall_has_jammed(
     time_s, ema = np.arange(0.0, 30.0, 0.04), actuator_of().known_ema()
     current = share * 27.0 / ema.resistance * np.sign(np.sin(time_s))
     pushes = (time_s > 15.0) & (time_s < 15.0 + lasting_s)
-    values = np.full((time_s.size, 12), np.nan)
-    values[:, _V1] = values[:, _V3] = 8.0 * np.sin(time_s)
+    command = 8.0 * np.sin(time_s)
+    values = samples(time_s.size, V1=command, V3=command)
     magnitudes = np.full((time_s.size, 3), np.nan)
     columns, there = (values, [4, 6]) if signed else (magnitudes, [1, 2])
     columns[:, there] = 0.0

@@ -11,9 +11,9 @@ from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.verdict.axis import indicators
-from mavhums.results.verdict import Verdict
 from mavhums.vehicle.rows import Rows
 from tests.health.axis.flights import changes_of, excited, rows, steady
+from tests.health.builders import verdict
 from tests.present import present
 
 QUIET_S = 220
@@ -73,19 +73,11 @@ def test_a_finding_against_earlier_flights_holds_from_a_late_reference_on() -> N
     monitor = AxisMonitor(1)
     list(monitor.feed(flown(600, left=0.4)))
     found = monitor.findings("roll")
-    verdict = Verdict(
-        subject="axis",
-        vehicle=1,
-        actuator="roll",
-        condition=found.condition,
-        worst=found.worst,
-        coverage=found.coverage,
-        effectiveness=found.effectiveness,
-        indicators=tuple(indicators(found)),
-    )
-    assert verdict.condition == "unchanged"
+    shown = {"coverage": found.coverage, "indicators": tuple(indicators(found))}
+    alone = verdict(found.condition, subject="axis", effectiveness=found.effectiveness, **shown)
+    assert alone.condition == alone.worst == found.worst == "unchanged"
     past = Baseline(mean=2.2 / 18.0, error=0.001, flights=6, between=0.004, spread=0.004)
-    compared = compare_with_earlier_flights(verdict, {"effectiveness": past}, start_utc=START, end_s=600.0)
+    compared = compare_with_earlier_flights(alone, {"effectiveness": past}, start_utc=START, end_s=600.0)
     assert compared.condition == "emergency"
-    assert present(compared.since).flight_time_s == verdict.coverage.judged_from_s
-    assert compared.evidence[0].rule.endswith(f"is left, from {verdict.coverage.judged_from_s:.0f} s on")
+    assert present(compared.since).flight_time_s == alone.coverage.judged_from_s
+    assert compared.evidence[0].rule.endswith(f"is left, from {alone.coverage.judged_from_s:.0f} s on")

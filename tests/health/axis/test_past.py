@@ -12,7 +12,8 @@ from mavhums.core.conditions import Condition
 from mavhums.health.axis.past import _departures, compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline, ComparedIndicator
 from mavhums.results.sections import AxisLimits
-from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, Suspect, Verdict
+from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
+from tests.health import builders
 from tests.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
@@ -20,8 +21,7 @@ LIMITS = AxisLimits(effectiveness_degraded=0.8, effectiveness_emergency=0.5, lag
 
 
 def indicator(fault: str, value: float, error: float = 0.01, quantity: str = "control gain") -> Indicator:
-    interval = Interval(estimate=value, low=value - 1.96 * error, high=value + 1.96 * error)
-    return Indicator(fault=fault, quantity=quantity, unit="", value=interval, windows=45)
+    return builders.indicator(fault, value, 1.96 * error, quantity=quantity, windows=45)
 
 
 def compared(fault: str, value: float, mean: float, ratio: float, quantity: str = "") -> ComparedIndicator:
@@ -79,20 +79,10 @@ def test_the_gain_and_the_load_factor_are_one_loss() -> None:
         assert (found.value, found.condition, found.confidence) == (0.5, "emergency", 0.99)
 
 
-def verdict(condition: Condition = "normal", **changes: Any) -> Verdict:
-    given = {"windows": 300, "decidable": 200, "moving_fraction": 0.5} | changes.pop("coverage", {})
-    return Verdict(
-        subject="axis",
-        vehicle=1,
-        actuator="roll",
-        condition=condition,
-        worst=condition,
-        limits=LIMITS,
-        coverage=Coverage.model_validate(given),
-        reason="as it was",
-        remedy="fly",
-        **changes,
-    )
+def verdict(condition: Condition = "normal", *, windows: int = 300, **changes: Any) -> Verdict:
+    seen = Coverage(windows=windows, decidable=200, moving_fraction=0.5)
+    told = {"reason": "as it was", "remedy": "fly"}
+    return builders.verdict(condition, subject="axis", limits=LIMITS, coverage=seen, **told, **changes)
 
 
 def earlier(mean: float) -> Baseline:
@@ -160,5 +150,5 @@ def test_a_longer_flight_may_use_more_of_the_allowed_false_alarms() -> None:
         bound = float(t.ppf(1.0 - max(seconds, 10) / 10 / 36_000 / 4, freedom)) * error
         for beyond, condition in ((1.01, "degraded"), (0.99, "normal")):
             shown = indicator("slow", 0.3 + beyond * bound)
-            one = verdict(indicators=(shown,), coverage={"windows": seconds})
+            one = verdict(indicators=(shown,), windows=seconds)
             assert judged(one, {"slow": before}, false_alarms=1.0).condition == condition

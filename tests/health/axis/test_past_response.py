@@ -18,6 +18,7 @@ from mavhums.results.verdict import OwnRecord, Verdict
 from mavhums.vehicle.flight import SPEEDS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
+from tests.health import builders
 from tests.health.axis.flights import SPEED, excited, rows, steady
 from tests.present import present
 
@@ -83,7 +84,7 @@ def judged(
 
 
 def axis(condition: Condition, name: str = "roll") -> Verdict:
-    return Verdict(subject="axis", vehicle=1, actuator=name, condition=condition, worst=condition)
+    return builders.verdict(condition, subject="axis", actuator=name)
 
 
 def test_the_sums_hold_the_gain_exactly() -> None:

@@ -10,22 +10,15 @@ from mavhums.core.statistics import NORMAL_95
 from mavhums.health.decision.baseline import Baseline, ComparedIndicator
 from mavhums.health.decision.growth import course_of
 from mavhums.health.estimation.random_effects import satterthwaite
-from mavhums.results.verdict import Indicator, Interval
+from mavhums.results.verdict import Indicator
+from tests.health import builders
 from tests.present import present
 
 BASELINE = Baseline(mean=0.22, error=0.001, flights=12, between=0.003, spread=0.004)
 
 
 def indicator(value: float, windows: int, scatter: float | None) -> Indicator:
-    interval = Interval(estimate=value, low=value - 0.01, high=value + 0.01)
-    return Indicator(
-        fault="friction",
-        quantity="Coulomb friction",
-        unit="N·m",
-        value=interval,
-        windows=windows,
-        scatter=scatter,
-    )
+    return builders.indicator("friction", value, 0.01, windows=windows, scatter=scatter)
 
 
 def test_flights_known_alike_count_alike() -> None:

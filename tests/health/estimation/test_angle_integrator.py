@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.interface import ServoSpeed
 from mavhums.health.estimation.flight_sums import AngleIntegrator
-from mavhums.health.estimation.slots import Slots, with_extra_columns
+from mavhums.health.estimation.slots import Slots
+from tests.health.builders import one_slot, samples
 from tests.health.self_baseline.servo import blank
 
 LEAST = 10
@@ -21,14 +21,10 @@ def second(turns: int, steps: int, unknown: int = 0) -> tuple[Slots, ServoSpeed]
     The register is not known in the last ``unknown`` changes of the angle.
     """
     n = turns + 1
-    values = np.full((n, 12), np.nan)
-    values[:, column("V3")] = np.arange(n)
     speed = np.minimum(np.arange(n), steps) * 1.0
     if unknown:
         speed[-unknown:] = np.nan
-    time_s = np.arange(n) / 100.0
-    slots = Slots(np.array([0]), np.array([0]), slice(0, n), time_s, with_extra_columns(values))
-    return slots, ServoSpeed(speed, 0.1)
+    return one_slot(np.arange(n) / 100.0, samples(n, V3=np.arange(n))), ServoSpeed(speed, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -58,10 +54,7 @@ def test_what_the_register_does_not_tell_is_no_step_of_it() -> None:
 
 def test_a_step_of_the_angle_is_a_speed_for_a_few_hundredths_of_a_second() -> None:
     """At 90 Hz three samples lie within 0.04 s on either side."""
-    values = np.full((90, 12), np.nan)
-    values[:, column("V3")] = np.where(np.arange(90) < 45, 0.0, 0.1)
-    wide = with_extra_columns(values)
-    slots = Slots(np.array([0]), np.array([0]), slice(0, 90), np.arange(90) / 90.0, wide)
+    slots = one_slot(np.arange(90) / 90.0, samples(90, V3=np.where(np.arange(90) < 45, 0.0, 0.1)))
     turned = AngleIntegrator(0.5)
     turned.coarse = True
     used = turned.fine_speed(blank(), slots, ServoSpeed(np.zeros(90), 0.1))

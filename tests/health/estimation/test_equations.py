@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator, load_airframe
-from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.data_sheet import (
     GEAR,
     SUPPLY,
@@ -19,6 +18,7 @@ from mavhums.health.estimation.equations.data_sheet import (
 )
 from mavhums.health.estimation.equations.interface import load_friction_prior
 from mavhums.health.estimation.motion import Motion
+from tests.health.builders import samples
 
 Array = NDArray[np.float64]
 ROUND: dict[str, Any] = {
@@ -41,16 +41,12 @@ def motion_of(
     count: int, speed: float = 2.0, load: float = 0.0, magnitudes: Array | None = None, **values: Any
 ) -> Motion:
     """Return samples in motion at one speed, rad/s, with these quantities; the others are not measured."""
-    V = np.full((count, 12), np.nan)
-    for key, given in values.items():
-        V[:, column(key)] = given
-    moving = np.full(count, speed)
     return Motion(
         moving=np.ones(count, dtype=bool),
-        speed=moving,
+        speed=np.full(count, speed),
         acceleration=np.full(count, 7.0),
         speed_around=np.full(count, 3.0),
-        values=V,
+        values=samples(count, **values),
         behind=np.full(count, np.nan),
         bus_v=np.full(count, np.nan),
         apart=np.ones(count, dtype=bool),

@@ -14,9 +14,9 @@ from mavhums.health.estimation.slots import (
     SENSED,
     SHAFT,
     TURNED,
-    Slots,
     with_extra_columns,
 )
+from tests.health.builders import one_slot, samples
 
 FAST, SLOW = 2.0, 1.0
 
@@ -69,10 +69,8 @@ def test_motion_is_that_of_the_output_shaft_at_the_judged_samples() -> None:
     """At 60 rev/min of the rotor the paper's output shaft turns by 60/300 rev/min."""
     actuator = load_airframe("paper").actuators[0]
     time_s = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
-    values = np.full((6, 12), np.nan)
-    values[:, column("V7")] = [60.0, 60.0, 66.0, 66.0, 66.0, 66.0]
-    slots = Slots(np.array([0]), np.array([0]), slice(1, 5), time_s, with_extra_columns(values))
-    found = motion(actuator, slots)
+    values = samples(6, V7=[60.0, 60.0, 66.0, 66.0, 66.0, 66.0])
+    found = motion(actuator, one_slot(time_s, values, slice(1, 5)))
     unit = 2 * np.pi / 60.0 / 300.0
     assert found.speed == pytest.approx(np.array([60.0, 66.0, 66.0, 66.0]) * unit)
     assert found.acceleration == pytest.approx(np.array([30.0, 30.0, 0.0, 0.0]) * unit)
@@ -80,8 +78,7 @@ def test_motion_is_that_of_the_output_shaft_at_the_judged_samples() -> None:
     assert found.moving.all()
     assert not found.load.any()
     # Two and a half periods of 5 Hz: neighbours more than half a second apart show no acceleration.
-    far = Slots(np.array([0]), np.array([0]), slice(1, 5), 2.6 * time_s, with_extra_columns(values))
-    assert not motion(actuator, far).moving.any()
+    assert not motion(actuator, one_slot(2.6 * time_s, values, slice(1, 5))).moving.any()
 
 
 @pytest.mark.parametrize(
@@ -117,14 +114,11 @@ def test_a_quantity_that_half_of_the_samples_in_motion_have_is_carried(known: in
     """Samples without it do not count then; a quantity that fewer have has no sums, and all samples count."""
     actuator = load_airframe("paper").actuators[0]
     rng = np.random.default_rng(1)
-    values = np.full((18, 12), np.nan)
-    values[:, column("V7")] = np.where(np.arange(18) < 14, rng.uniform(90.0, 120.0, 18), 0.0)
-    values[:, column("V3")] = rng.standard_normal(18)
+    speed = np.where(np.arange(18) < 14, rng.uniform(90.0, 120.0, 18), 0.0)
+    values = samples(18, V7=speed, V3=rng.standard_normal(18))
     values[14:, column("V11")] = 1.0
     values[1 : 1 + known, column("V11")] = rng.standard_normal(known)
-    slots = Slots(
-        np.array([0]), np.array([0]), slice(1, 17), np.arange(18) / 10.0, with_extra_columns(values)
-    )
+    slots = one_slot(np.arange(18) / 10.0, values, slice(1, 17))
     moved = motion(actuator, slots)
     assert np.flatnonzero(moved.moving).tolist() == [*range(12)]
     places = {name: MOMENTS.index(name) for name in ("1", "V3", "V11")}

@@ -15,11 +15,12 @@ from mavhums.health.motor.monitor import TRIM, Trims
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.motor import compare_motors
-from mavhums.results.verdict import Coverage, Indicator, Interval, Verdict
+from mavhums.results.verdict import Coverage, Verdict
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rotors import Rotors, rotors_of
 from mavhums_sim.multirotor.log import FUNCTIONS, PARAMETERS
+from tests.health.builders import indicator, verdict
 
 QUAD = rotors_of(Parameters(1, False, {**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}))
 assert isinstance(QUAD, Rotors)
@@ -34,27 +35,26 @@ def flight(effort: Array, *, seed: int = 0, lost: int | None = None, share: floa
     thrusts = 0.4 + 0.4 * effort @ np.linalg.pinv(COLUMNS) + rng.normal(0, 0.02, (100 * RATE_HZ, 4))
     if lost is not None:
         thrusts += 0.4 * share * COLUMNS[lost] @ np.linalg.pinv(COLUMNS)
-    trims = Trims(COLUMNS)
+    trims, seen = Trims(COLUMNS), Coverage(moving_fraction=1.0, windows=100, decidable=100)
     trims.add(thrusts, np.ones(len(thrusts), dtype=bool))
     return [
-        Verdict(
-            subject="motor", vehicle=1, actuator=f"motor {k + 1}", condition="normal", worst="normal",
-            coverage=Coverage(moving_fraction=1.0, windows=100, decidable=100), indicators=trims.of_motor(k),
+        verdict(
+            "normal", subject="motor", actuator=f"motor {k}", coverage=seen, indicators=trims.of_motor(k - 1)
         )
-        for k in range(4)
-    ]  # fmt: skip
+        for k in range(1, 5)
+    ]
 
 
 def compared(flown: list[Verdict], earlier: list[list[Verdict]]) -> list[Verdict]:
     known: dict[str, dict[str, Baseline]] = {}
-    for k, verdict in enumerate(flown):
-        own = known.setdefault(verdict.actuator, {})
-        for n, shown in enumerate(verdict.indicators):
+    for k, one in enumerate(flown):
+        own = known.setdefault(one.actuator, {})
+        for n, shown in enumerate(one.indicators):
             baseline = Baseline.of([past[k].indicators[n] for past in earlier])
             if baseline is not None:
                 own[shown.fault] = baseline
     start = datetime(2026, 1, 1, tzinfo=UTC)
-    return compare_motors(flown, lambda verdict: known[verdict.actuator], start_utc=start, end_s=100.0)
+    return compare_motors(flown, lambda one: known[one.actuator], start_utc=start, end_s=100.0)
 
 
 def earlier(flights: int = 4) -> list[list[Verdict]]:
@@ -65,7 +65,7 @@ def earlier(flights: int = 4) -> list[list[Verdict]]:
 @pytest.mark.parametrize("motor", range(4))
 def test_a_worn_propeller_is_told_by_its_motor(motor: int) -> None:
     told = compared(flight(FLAT, lost=motor, share=0.3), earlier())
-    assert [verdict.condition == "degraded" for verdict in told] == [k == motor for k in range(4)]
+    assert [one.condition == "degraded" for one in told] == [k == motor for k in range(4)]
     [evidence] = told[motor].evidence
     assert "4 earlier flights" in evidence.rule
     assert evidence.value == pytest.approx(0.3, abs=0.08)
@@ -96,13 +96,10 @@ def test_the_trim_does_not_depend_on_how_the_log_is_cut(cuts: list[int]) -> None
 def shaking(radii: list[float], *, error: float = 0.01) -> list[Verdict]:
     """Return the verdicts on a flight whose rotors are out of balance by so many micrometres."""
     flown = flight(FLAT)
-    for k, (verdict, radius) in enumerate(zip(flown, radii, strict=True)):
-        half = 1.96 * error * radius
-        unbalance = Indicator(
-            fault=UNBALANCE, quantity="unbalance", unit="µm", value=Interval.around(radius, half),
-            windows=9, scatter=3 * error * radius, needed_flights=3,
-        )  # fmt: skip
-        flown[k] = verdict.model_copy(update={"indicators": (*verdict.indicators, unbalance)})
+    for k, (one, radius) in enumerate(zip(flown, radii, strict=True)):
+        known = {"unit": "µm", "scatter": 3 * error * radius, "needed_flights": 3}
+        unbalance = indicator(UNBALANCE, radius, 1.96 * error * radius, **known)
+        flown[k] = one.model_copy(update={"indicators": (*one.indicators, unbalance)})
     return flown
 
 
@@ -119,7 +116,7 @@ def before(flights: int, scatter: float = 0.05) -> list[list[Verdict]]:
 def test_a_rotor_that_shakes_more_than_before_is_named(motor: int, flights: int, times: float) -> None:
     radii = [radius * (times if k == motor else 1.0) for k, radius in enumerate(RADII)]
     told = compared(shaking(radii), before(flights))
-    assert [verdict.condition == "degraded" for verdict in told] == [k == motor for k in range(4)]
+    assert [one.condition == "degraded" for one in told] == [k == motor for k in range(4)]
     [evidence] = told[motor].evidence
     assert f"in {flights} earlier flights: its propeller or its bearing" in evidence.rule
     assert evidence.value == pytest.approx(radii[motor])
@@ -154,5 +151,5 @@ def test_a_rotor_that_lost_thrust_and_shakes_has_both_findings() -> None:
         for one, other in zip(flight(FLAT, lost=2, share=0.3), shaking([6.0, 8.0, 20.0, 9.0]), strict=True)
     ]
     told = compared(flown, past)
-    assert [verdict.condition == "degraded" for verdict in told] == [False, False, True, False]
+    assert [one.condition == "degraded" for one in told] == [False, False, True, False]
     assert [item.kind for item in told[2].evidence] == ["thrust", UNBALANCE]

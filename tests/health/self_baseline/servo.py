@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator, load_airframe
-from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.flight_sums import OwnSums
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
+from mavhums.health.estimation.strokes import StrokeSums
 from mavhums.results.verdict import OwnRecord
+from tests.health.builders import samples
 from tests.present import present
 
 Array = NDArray[np.float64]
@@ -62,29 +63,22 @@ class Servo:
         current = self.friction_a * np.sign(speed) + self.drag * speed + self.inertia * acceleration + load
         current += self.load_friction * np.abs(load + 0.02) * np.sign(speed)
         current += 0.02 + noise_a * rng.standard_normal(time_s.size)
-        values = np.full((time_s.size, 12), np.nan)
-        values[:, column("V1")] = rng.normal(0.0, 30.0, time_s.size)
-        values[:, column("V5")] = current
-        values[:, column("V7")] = speed * 30.0 / np.pi
-        values[:, column("V4")] = (
-            self.resistance * current + self.back_emf * speed + self.drop_v * np.sign(current)
-        )
-        return time_s, values, airspeed
+        voltage = self.resistance * current + self.back_emf * speed + self.drop_v * np.sign(current)
+        known = {"V1": rng.normal(0.0, 30.0, time_s.size), "V4": voltage, "V5": current}
+        return time_s, samples(time_s.size, **known, V7=speed * 30.0 / np.pi), airspeed
 
 
 def collected(
-    collector: OwnSums | VoltageSums, flight: tuple[Array, Array, Array], cuts: tuple[int, ...] = ()
+    collector: OwnSums | VoltageSums | StrokeSums,
+    flight: tuple[Array, Array, Array | None],
+    cuts: tuple[int, ...] = (),
 ) -> OwnRecord | None:
     """Return what a flight leaves that comes in these pieces."""
     time_s, values, airspeed = flight
     wide = with_extra_columns(values, np.isfinite(values), None, airspeed)
-    cutter, edges = SlotCutter(), (0, *sorted(cuts), time_s.size)
-    for a, b in pairwise(edges):
-        slots = cutter.feed(time_s[a:b], wide[a:b])
-        if slots is not None:
-            collector.feed(slots)
-    slots = cutter.finish()
-    if slots is not None:
+    cutter = SlotCutter()
+    pieces = [cutter.feed(time_s[a:b], wide[a:b]) for a, b in pairwise((0, *sorted(cuts), time_s.size))]
+    for slots in filter(None, [*pieces, cutter.finish()]):
         collector.feed(slots)
     return collector.record()
 

@@ -10,7 +10,8 @@ from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.self_baseline.motor import MOTOR_FAULTS, _prediction, motor_indicators
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
-from mavhums.results.verdict import Interval, OwnRecord, Verdict
+from mavhums.results.verdict import Interval, OwnRecord
+from tests.health.builders import verdict
 from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
 from tests.present import present
 
@@ -61,15 +62,8 @@ def test_without_voltage_there_is_no_motor() -> None:
 
 
 def test_a_verdict_carries_them_once_and_alone_it_has_none() -> None:
-    servo = Servo()
-    verdict = Verdict(
-        vehicle=1,
-        actuator="rudder",
-        condition="undecided",
-        worst="undecided",
-        own=(left(servo, 33, seconds=60.0), voltage(33)),
-    )
-    once = compare_with_own_flights(verdict, [])
+    alone = verdict(own=(left(Servo(), 33, seconds=60.0), voltage(33)))
+    once = compare_with_own_flights(alone, [])
     assert [shown.fault for shown in once.indicators] == ["friction_current", *MOTOR_FAULTS]
     assert compare_with_own_flights(once, []) == once
     assert without_own(once).indicators == ()

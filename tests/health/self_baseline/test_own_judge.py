@@ -13,7 +13,8 @@ from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.random_effects import population
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_reason
-from mavhums.results.verdict import OwnRecord, Verdict
+from mavhums.results.verdict import OwnRecord
+from tests.health.builders import verdict
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 from tests.present import present
 
@@ -160,13 +161,8 @@ def test_natural_scatter_alarms_no_oftener_than_promised(scatter: float) -> None
     assert alarms <= 15 + 3 * np.sqrt(15)
 
 
-def verdict(record: OwnRecord, **given: object) -> Verdict:
-    fields = {"vehicle": 1, "actuator": "rudder", "condition": "undecided", "worst": "undecided"}
-    return Verdict.model_validate({**fields, "own": (record,), **given})
-
-
 def test_a_verdict_is_replaced_where_no_limit_or_jam_decides() -> None:
-    worn = verdict(flight(58, 0.09))
+    worn = verdict(own=(flight(58, 0.09),))
     found = compare_with_own_flights(worn, HEALTHY)
     assert (found.condition, found.worst) == ("changed", "changed")
     assert [suspect.fault for suspect in found.suspects] == ["friction_current"]
@@ -175,7 +171,7 @@ def test_a_verdict_is_replaced_where_no_limit_or_jam_decides() -> None:
     assert found.remedy == "inspect gearbox, bearings and hinge line"
     assert compare_with_own_flights(found, HEALTHY) == found
     assert compare_with_own_flights(found, HEALTHY[:3]).condition == "learning"
-    jammed = verdict(flight(58), condition="undecided", worst="emergency")
+    jammed = verdict(worst="emergency", own=(flight(58),))
     assert compare_with_own_flights(jammed, HEALTHY) is jammed
     untold = worn.model_copy(update={"own": ()})
     assert compare_with_own_flights(untold, HEALTHY) is untold
@@ -198,14 +194,12 @@ def test_a_weaker_motor_is_told_from_friction() -> None:
         return left(weak, seed, seconds=60.0), voltage
 
     before = [PastRecord(records(seed, 1.0), "2026-03-01", True) for seed in range(12)]
-    weak = compare_with_own_flights(verdict(flight(1)).model_copy(update={"own": records(70, 0.8)}), before)
+    weak = compare_with_own_flights(verdict(own=records(70, 0.8)), before)
     assert weak.condition == "changed"
     assert [suspect.fault for suspect in weak.suspects] == ["torque_constant"]
     assert weak.reason_codes == ("own_constant",)
     assert "constant -20%; the friction current +" in (weak.reason or "")
-    worn = compare_with_own_flights(
-        verdict(flight(1)).model_copy(update={"own": records(71, 1.0, 0.08)}), before
-    )
+    worn = compare_with_own_flights(verdict(own=records(71, 1.0, 0.08)), before)
     assert [suspect.fault for suspect in worn.suspects] == ["friction_current"]
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavhums.core.quantities import column
+from mavhums.core.quantities import KEYS
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import LAG, TRACKING
 from mavhums.health.estimation.flight_sums import OwnSums
@@ -23,21 +23,17 @@ from mavhums_sim.conditions import Condition
 from mavhums_sim.link import Link
 from mavhums_sim.telemetry import write_tlog
 from tests.conftest import Run
+from tests.health.builders import samples
 from tests.health.flown import flown
 from tests.health.self_baseline.servo import blank, collected
 from tests.present import present
-
-_ANGLES = [column("V1"), column("V3")]
 
 
 def left(seed: int, *conditions: Condition) -> OwnRecord:
     """Return what a flight leaves of a servo that measures command and angle."""
     seen = flown(*conditions, cyclogram="gusts", seconds=60.0, seed=seed)["elevator"]
-    values = np.full_like(seen.values, np.nan)
-    values[:, _ANGLES] = seen.values[:, _ANGLES]
-    record = collected(OwnSums(TRACKING, blank()), (seen.time_s, values, np.full(seen.time_s.size, np.nan)))
-    assert isinstance(record, OwnRecord)
-    return record
+    values = np.where(np.isin(KEYS, ["V1", "V3"]), seen.values, np.nan)
+    return present(collected(OwnSums(TRACKING, blank()), (seen.time_s, values, None)))
 
 
 @pytest.mark.slow
@@ -54,11 +50,10 @@ def test_a_weak_supply_is_changed_against_the_servos_own_flights() -> None:
 def test_the_lag_is_the_controllers_whatever_the_friction(lag: float, stuck: float, size: float) -> None:
     """The command is what a proportional controller needs to move its shaft so: V1 = V3 + lag·w + e·sgn w."""
     time_s = np.arange(0.0, 80.0, 0.02)
-    values = np.full((time_s.size, 12), np.nan)
     angle = size * (np.sin(0.9 * time_s) + 0.4 * np.sin(2.3 * time_s + 1.0))
     speed = size * (0.9 * np.cos(0.9 * time_s) + 0.92 * np.cos(2.3 * time_s + 1.0))
-    values[:, _ANGLES] = np.stack([angle + lag * speed + stuck * np.sign(speed), angle], axis=1)
-    sums = present(collected(OwnSums(TRACKING, blank()), (time_s, values, np.full(time_s.size, np.nan))))
+    values = samples(time_s.size, V1=angle + lag * speed + stuck * np.sign(speed), V3=angle)
+    sums = present(collected(OwnSums(TRACKING, blank()), (time_s, values, None)))
     record = present(record_of([sums], LAG.name))
     found = present(wear(record, None))
     assert found.value == pytest.approx(lag, rel=0.02)

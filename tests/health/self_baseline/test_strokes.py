@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,12 +10,13 @@ from hypothesis import strategies as st
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
 from mavhums.health.decision.baseline import PastRecord
+from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import RIPPLE, ROUGHNESS, TWO_WAYS
-from mavhums.health.estimation.slots import SlotCutter, Slots, with_extra_columns
 from mavhums.health.estimation.strokes import StrokeSums
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.results.verdict import OwnRecord
-from tests.health.self_baseline.servo import blank
+from tests.health.builders import one_slot, samples
+from tests.health.self_baseline.servo import blank, collected
 from tests.present import present
 
 RATE_HZ = 25.0
@@ -42,26 +41,13 @@ def swept(
     time_s: Array = np.arange(0.0, corners[-1], 1.0 / RATE_HZ)
     command = np.interp(time_s, corners, angles)
     way = np.sign(np.round(np.gradient(command, time_s), 6))
-    values = np.full((time_s.size, 12), np.nan)
-    values[:, column("V1")] = command
-    values[:, column("V3")] = command - 2.0 * way + rough * rng.standard_normal(time_s.size)
-    current = offset + np.abs(way) * friction + way * load
-    values[:, column("V5")] = current + 0.01 * rng.standard_normal(time_s.size)
-    return time_s, values
+    angle = command - 2.0 * way + rough * rng.standard_normal(time_s.size)
+    current = offset + np.abs(way) * friction + way * load + 0.01 * rng.standard_normal(time_s.size)
+    return time_s, samples(time_s.size, V1=command, V3=angle, V5=current)
 
 
-def left(flight: tuple[Array, Array], equation: object, cuts: tuple[int, ...] = ()) -> OwnRecord | None:
-    time_s, values = flight
-    wide = with_extra_columns(values, np.isfinite(values))
-    collector, cutter = StrokeSums(equation, blank()), SlotCutter()  # type: ignore[arg-type]
-    for a, b in pairwise((0, *sorted(cuts), time_s.size)):
-        slots = cutter.feed(time_s[a:b], wide[a:b])
-        if slots is not None:
-            collector.feed(slots)
-    slots = cutter.finish()
-    if slots is not None:
-        collector.feed(slots)
-    return collector.record()
+def left(flight: tuple[Array, Array], equation: OwnEquation, cuts: tuple[int, ...] = ()) -> OwnRecord | None:
+    return collected(StrokeSums(equation, blank()), (*flight, None), cuts)
 
 
 def mean(record: OwnRecord | None) -> float:
@@ -111,24 +97,16 @@ def test_memory_does_not_grow_with_the_flight() -> None:
 
 
 @pytest.mark.parametrize("equation", [ROUGHNESS, TWO_WAYS])
-def test_a_rise_is_changed_and_a_healthy_flight_is_not(equation: object) -> None:
+def test_a_rise_is_changed_and_a_healthy_flight_is_not(equation: OwnEquation) -> None:
     past = [
         PastRecord((record,), f"2026-03-{seed + 1:02d}", healthy=True)
         for seed in range(20)
         if (record := left(swept(100 + seed), equation))
     ]
-    healthy, worn = (
-        left(swept(200, **worse), equation)  # type: ignore[arg-type]
-        for worse in ({}, {"rough": 0.4, "friction": 0.45})
-    )
-    short = left(swept(201, sweeps=4), equation)
-    assert healthy is not None
-    assert worn is not None
-    assert short is not None
-    assert compare(equation, healthy, past).condition == "unchanged"  # type: ignore[arg-type]
-    assert compare(equation, worn, past).condition == "changed"  # type: ignore[arg-type]
     # Fewer strokes scatter more than those of the baseline.
-    assert compare(equation, short, past).condition == "learning"  # type: ignore[arg-type]
+    flights = swept(200), swept(200, rough=0.4, friction=0.45), swept(201, sweeps=4)
+    found = [compare(equation, present(left(flight, equation)), past).condition for flight in flights]
+    assert found == ["unchanged", "changed", "learning"]
 
 
 def test_the_stroke_with_which_a_log_ends_counts() -> None:
@@ -141,18 +119,16 @@ def test_the_stroke_with_which_a_log_ends_counts() -> None:
     assert len(part.groups) == 4
 
 
-def ramp(deg_s: float, samples: int, bend: float = 0.0) -> OwnRecord | None:
+def ramp(deg_s: float, count: int, bend: float = 0.0) -> OwnRecord | None:
     """Return what a log of one stroke leaves, half of it faster by a share ``bend``.
 
     Times are binary fractions, so that speeds are exact.
     """
-    time_s: Array = np.arange(samples) / 32.0
-    later = np.maximum(time_s - time_s[samples // 2], 0.0)
-    values = np.full((samples, 12), np.nan)
-    values[:, [column("V1"), column("V3")]] = (deg_s * (time_s + bend * later))[:, None]
+    time_s: Array = np.arange(count) / 32.0
+    later = np.maximum(time_s - time_s[count // 2], 0.0)
+    angle = deg_s * (time_s + bend * later)
     sums = StrokeSums(ROUGHNESS, blank())
-    one = np.array([0])
-    sums.feed(Slots(one, one, slice(0, samples), time_s, with_extra_columns(values)))
+    sums.feed(one_slot(time_s, samples(count, V1=angle, V3=angle)))
     return sums.record()
 
 
@@ -164,7 +140,7 @@ def test_a_stroke_is_faster_than_the_least_speed(way: float) -> None:
 
 def test_a_stroke_is_neither_too_short_nor_too_long() -> None:
     least, most = 45 + 20 + 10, 30 * 32 + 1  # 1.4 s and 0.3 s are left out
-    found = [ramp(10.0, samples) for samples in (least - 1, least, most, most + 1)]
+    found = [ramp(10.0, count) for count in (least - 1, least, most, most + 1)]
     assert [one is not None for one in found] == [False, True, True, False]
     assert found[2] is not None
     assert (found[2].rate_hz, found[2].duration_s) == (32.0, 30.0)

@@ -16,6 +16,7 @@ from mavhums.health.estimation.least_squares import packed
 from mavhums.health.self_baseline import verdict as judged
 from mavhums.health.self_baseline.comparison import Comparison
 from mavhums.results.verdict import Interval, OwnRecord, Verdict
+from tests.health.builders import verdict
 
 RISE = Interval(estimate=0.6, low=0.49, high=0.73)
 NEAR = Interval(estimate=0.02, low=-0.06, high=0.1)
@@ -41,8 +42,7 @@ def compared(
     """Return the verdict on a flight whose equations compare like this with the flights before it."""
     monkeypatch.setattr(judged, "compare", lambda equation, *_: found.get(equation.name, NONE))
     own = tuple(record(name, 0.5, 0.4, 0.3, 0.2) for name in found)
-    before = before or Verdict(vehicle=1, actuator="rudder", condition="undecided", worst="undecided")
-    return judged.compare_with_own_flights(before.model_copy(update={"own": own}), [])
+    return judged.compare_with_own_flights((before or verdict()).model_copy(update={"own": own}), [])
 
 
 @pytest.mark.parametrize(
@@ -70,11 +70,11 @@ def test_strokes_stand_beside_the_equation_and_can_only_add_a_change(
     given = {CURRENT: current, **strokes} if current else strokes
     shown = [one for one in (CURRENT, TWO_WAYS, ROUGHNESS, RIPPLE) if one in given]
     found = {one.name: given[one] for one in shown}
-    verdict = compared(monkeypatch, found)
-    assert (verdict.condition, verdict.worst) == (condition, condition)
-    assert [one.fault for one in verdict.indicators] == [one.fault for one in shown]
-    assert [one.kind for one in verdict.evidence] == [f"{one.fault}_own" for one in shown]
-    assert [one.fault for one in verdict.suspects] == [one.fault for one in told]
+    first = compared(monkeypatch, found)
+    assert (first.condition, first.worst) == (condition, condition)
+    assert [one.fault for one in first.indicators] == [one.fault for one in shown]
+    assert [one.kind for one in first.evidence] == [f"{one.fault}_own" for one in shown]
+    assert [one.fault for one in first.suspects] == [one.fault for one in told]
     # What no longer shows itself leaves nothing of the comparison before.
-    again = compared(monkeypatch, dict.fromkeys(found, replace(STILL, value=None)), verdict)
+    again = compared(monkeypatch, dict.fromkeys(found, replace(STILL, value=None)), first)
     assert (again.indicators, again.evidence, again.suspects) == ((), (), ())

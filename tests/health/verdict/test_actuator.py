@@ -13,14 +13,13 @@ from mavhums.actuator.telemetry import TIERS
 from mavhums.core.conditions import Condition
 from mavhums.health.verdict.actuator import verdict_of_actuator
 from mavhums.results.reasons import Reason
-from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect, Verdict
+from mavhums.results.verdict import Coverage, Evidence, Interval, OwnRecord, Suspect, Verdict
+from tests.health.builders import indicator
 from tests.health.flown import actuator_of
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
 VALUE = Interval(estimate=0.123456, low=0.112346, high=0.134567)
-SHOWN = Indicator(
-    fault="friction", quantity="", unit="N·m", value=VALUE, windows=9, scatter=0.0123456, baseline=VALUE
-)  # fmt: skip
+SHOWN = indicator("friction", 0.123456, 0.01111, scatter=0.0123456, baseline=VALUE)
 FOUND = Evidence(kind="friction", start_s=1.23456, end_s=9.87654, value=0.123456, rule="")
 OWN = OwnRecord(equation="own_current", setup="", rate_hz=25.0, duration_s=60.0, groups=())
 NOTHING = Coverage(moving_fraction=0.1, windows=0, decidable=0)

@@ -17,8 +17,9 @@ from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
 from mavhums.results.reasons import Reason
-from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, Verdict
+from mavhums.results.verdict import Coverage, Evidence, Interval, Verdict
 from mavhums.vehicle.rotors import Rotors
+from tests.health.builders import indicator, verdict
 from tests.health.motor.test_past import QUAD
 from tests.present import present
 
@@ -121,12 +122,6 @@ def test_what_was_found_never_falls_where_another_motor_stands_out() -> None:
     assert found.evidence
 
 
-def indicator(fault: str, value: float) -> Indicator:
-    return Indicator(
-        fault=fault, quantity="", unit="1", value=Interval(estimate=value, low=value, high=value), windows=9
-    )
-
-
 FLIGHTS = 5
 
 
@@ -139,12 +134,10 @@ def compared(
     evidence: tuple[Evidence, ...] = (),
 ) -> list[Verdict]:
     flown = [
-        Verdict(
+        verdict(
+            condition,
             subject="motor",
-            vehicle=1,
             actuator=f"motor {k}",
-            condition=condition,
-            worst=condition,
             coverage=Coverage(moving_fraction=1.0, windows=100, decidable=100),
             indicators=(indicator(TRIM, 0.05 + value), indicator(TRIM_YAW, 0.01 + yaw)),
             evidence=evidence,
@@ -204,10 +197,6 @@ def test_a_loss_in_flight_keeps_its_verdict() -> None:
 def test_wear_from_the_start_on_makes_a_loss_in_flight_no_milder() -> None:
     lost = Evidence(kind="thrust", start_s=40.0, end_s=90.0, value=0.6, limit=0.5, rule="emergency: lost")
     found = compared([0.4, 0.0, 0.0, 0.0], condition="emergency", evidence=(lost,))[0]
-    assert (found.condition, found.worst, found.since, found.reason) == (
-        "emergency",
-        "emergency",
-        None,
-        "as it was",
-    )
+    assert (found.condition, found.worst) == ("emergency", "emergency")
+    assert (found.since, found.reason) == (None, "as it was")
     assert [item.condition for item in found.evidence] == ["degraded", "emergency"]
