@@ -69,7 +69,9 @@ MOMENTS: Final = ("1", "way", "V3", "V4", "V5", "V7", "slope", "V11", "gap", "fl
 _PLACE = {name: k for k, name in enumerate(MOMENTS)}
 _UPPER = np.triu_indices(len(MOMENTS))
 _PAIRS = len(_UPPER[0])
-_OTHERS = ("samples", "commanded", "flown", "missed", "missed²", "V4²", "loads", "gaps", "peak")
+_CARRIED = {"commands": "V1", "gaps": "V2", "volts": "V4", "loads": "V11"}
+"""Numbers of a window's samples that carry a quantity; the speed and the current are those of its motion."""
+_OTHERS = ("samples", "commanded", "flown", "missed", "missed²", "V4²", *_CARRIED, "peak")
 SUMS: Final = _PAIRS + len(_OTHERS)
 """Number of sums of a slot: the products of the moments over its moving samples, then those of all samples;
 the last is no sum but the largest |V4|."""
@@ -114,7 +116,7 @@ WINDOW_FEATURES: Final[Mapping[str, tuple[str, ...]]] = {
 """What each statistic of a window needs, in the order of the columns of :func:`window_features`."""
 WINDOW_KEYS: Final = tuple(WINDOW_FEATURES)
 _NEEDING = {
-    of: [k for k, needs in enumerate(WINDOW_FEATURES.values()) if of in needs] for of in ("V2", "V11")
+    of: [k for k, needs in enumerate(WINDOW_FEATURES.values()) if of in needs] for of in _CARRIED.values()
 }
 
 
@@ -174,8 +176,8 @@ def window_features(sums: Array) -> Array:
     by_load, load_rest = regress("V5", "way", "V11", "V7", "slope")
     voltage, voltage_rest = regress("V4", "V5", "V7")
     gap, _ = regress("gap", "flank", "way")
-    samples = np.maximum(other["samples"], 1.0)
-    missed = other["missed"] / samples
+    commands, volts = (np.maximum(other[name], 1.0) for name in ("commands", "volts"))
+    missed = other["missed"] / commands
     columns = [
         ampere_way, ampere_both, np.sqrt(of("V5", "V5")), deviation(of("V5", "V5"), of("V5")),
         of("V5", "V7") / speed, by_angle[:, 0], angle_rest, by_load[:, 0], by_load[:, 1], load_rest,
@@ -183,12 +185,12 @@ def window_features(sums: Array) -> Array:
         voltage[:, 0], voltage[:, 1], voltage_rest, of("V4", "V5"), np.sqrt(of("V7", "V7")),
         of("gap"), deviation(of("gap", "gap"), of("gap")), gap[:, 0],
         other["flown"] / np.maximum(other["commanded"], 1.0), missed,
-        deviation(other["missed²"] / samples, missed), np.sqrt(other["V4²"] / samples), other["peak"],
+        deviation(other["missed²"] / commands, missed), np.sqrt(other["V4²"] / volts), other["peak"],
     ]  # fmt: skip
     features = np.stack(columns, axis=1)
-    # Sums over a shaft that stands are 0 also of what the log does not carry.
-    features[np.ix_(other["loads"] == 0, _NEEDING["V11"])] = np.nan
-    features[np.ix_(other["gaps"] == 0, _NEEDING["V2"])] = np.nan
+    # Sums are 0 also of what the log does not carry.
+    for name, of_what in _CARRIED.items():
+        features[np.ix_(2 * other[name] < other["samples"], _NEEDING[of_what])] = np.nan
     return features
 
 

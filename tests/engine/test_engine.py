@@ -381,6 +381,15 @@ def test_without_the_load_torque_the_network_that_does_not_need_it_votes(
     assert elevator.latest == "friction_emergency"
 
 
+def test_without_a_command_no_network_of_windows_takes_it_for_zero() -> None:
+    """ESCs alone: what is flown by degree commanded is no 0, by which healthy actuators had a weak supply."""
+    record = fly(Flight(seed=24, duration_s=30.0, rate_hz=25.0, tiers=("esc-signed",)))
+    verdicts = judge_records(packed(record)).verdicts
+    assert [(one.condition, one.network) for one in verdicts if one.subject == "actuator"] == [
+        ("normal", None)
+    ] * 4
+
+
 @pytest.fixture(scope="module")
 def at_bus() -> Callable[..., Assessment]:
     """Judge a flight whose ESCs measure at the supply bus."""

@@ -222,8 +222,10 @@ def _all(actuator: Actuator, slots: Slots) -> Array:
             missed,
             missed**2,
             values[:, _V4] ** 2,
-            np.isfinite(values[:, _V11]),
+            np.isfinite(missed),
             (values[:, APART] > 0) & (values[:, _V3] != values[:, _V2] / ratio),
+            np.isfinite(values[:, _V4]),
+            np.isfinite(values[:, _V11]),
         ]
     )[own]
     peak = np.maximum.reduceat(np.nan_to_num(np.abs(values[own, _V4])), slots.start)
