@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.decision.events import ConditionChanged
@@ -16,6 +17,17 @@ from mavhums.vehicle.rows import Rows
 Array = NDArray[np.float64]
 
 SPEED = 18.0
+STILL = (
+    "roll_rate",
+    "pitch_rate",
+    "yaw_rate",
+    "side_force",
+    "roll",
+    "pitch",
+    "roll_demand",
+    "pitch_demand",
+    "sources",
+)
 
 
 def changes_of(monitor: AxisMonitor, flight: Rows) -> list[ConditionChanged]:
@@ -25,22 +37,9 @@ def changes_of(monitor: AxisMonitor, flight: Rows) -> list[ConditionChanged]:
 def steady(seconds: int) -> dict[str, Array]:
     """Level flight without wind: what the tests change."""
     n = seconds * RATE_HZ
-    zero = np.zeros(n)
-    return {
-        "roll_rate": zero.copy(),
-        "pitch_rate": zero.copy(),
-        "yaw_rate": zero.copy(),
-        "side_force": zero.copy(),
-        "load": zero - 1.0,
-        "roll": zero.copy(),
-        "pitch": zero.copy(),
-        "roll_demand": zero.copy(),
-        "pitch_demand": zero.copy(),
-        "speed": zero + SPEED,
-        "sources": zero.copy(),
-        "spacing": zero + 0.1,
-        "outputs": np.zeros((n, 3)),
-    }
+    still = {name: np.zeros(n) for name in STILL}
+    level = {"load": np.full(n, -1.0), "speed": np.full(n, SPEED), "spacing": np.full(n, 0.1)}
+    return still | level | {"outputs": np.zeros((n, 3))}
 
 
 def rows(flight: dict[str, Array], *, first: int = 0, flying: bool = True) -> Rows:
@@ -58,15 +57,23 @@ def without_level(values: Array, known: NDArray[np.bool_], memory_s: float) -> A
     return np.asarray(series - series.ewm(alpha=share, ignore_na=False).mean(), dtype=np.float64)
 
 
+def lagged(values: Array, tau_s: float, start: float = 0.0) -> Array:
+    """Return what follows values through a first-order lag, from a start on."""
+    share = 1 - np.exp(-1 / RATE_HZ / tau_s)
+    return np.asarray(start + lfilter([share], [1.0, share - 1.0], values - start))
+
+
+def late(values: Array, delay: int = 4) -> Array:
+    """Return values that come so many rows later, and nothing before."""
+    return np.concatenate([np.zeros(delay), values[: values.size - delay]])
+
+
 def excited(seconds: int, seed: int = 1, size: float = 0.15) -> Array:
     """A demand as an autopilot in turbulence gives it: white noise through a lag of half a second."""
     noise = np.random.default_rng(seed).normal(size=seconds * RATE_HZ)
-    share = 1 - np.exp(-1 / RATE_HZ / 0.5)
-    out = np.zeros_like(noise)
-    for k in range(1, noise.size):
-        out[k] = out[k - 1] + share * (noise[k] - out[k - 1])
-    excited: Array = size * out / out.std()
-    return excited
+    noise[0] = 0.0
+    out = lagged(noise, 0.5)
+    return np.asarray(size * out / out.std())
 
 
 def rolling(
@@ -82,10 +89,9 @@ def rolling(
     flight = steady(seconds)
     demand = excited(seconds, seed, size)
     time_s = np.arange(demand.size) / RATE_HZ
-    late = np.concatenate([np.zeros(delay), demand[:-delay]]) if delay else demand
     flight["outputs"][:, 0] = demand
     random = np.random.default_rng(seed + 1).normal(size=demand.size)
-    flight["roll_rate"] = gain(time_s) * late + noise * random
+    flight["roll_rate"] = gain(time_s) * late(demand, delay) + noise * random
     return rows(flight)
 
 
@@ -93,11 +99,8 @@ def turning(seconds: int, *, spiral: float, every_s: int = 12) -> Rows:
     """Banked turns to one side and the other: the yaw rate r rolls the aircraft by spiral · r as well."""
     flight = steady(seconds)
     side = np.where(np.arange(seconds * RATE_HZ) // (every_s * RATE_HZ) % 2, -1.0, 1.0)
-    share = 1 - np.exp(-1 / RATE_HZ / 0.4)
-    bank, begun = np.zeros_like(side), np.zeros_like(side)
-    for k in range(1, side.size):
-        begun[k] = begun[k - 1] + share * (0.75 * side[k] - begun[k - 1])
-        bank[k] = bank[k - 1] + share * (begun[k] - bank[k - 1])
+    side[0] = 0.0
+    bank = lagged(lagged(0.75 * side, 0.4), 0.4)
     rate = np.gradient(bank, 1 / RATE_HZ)
     yaw = 9.81 / SPEED * np.sin(bank)
     demand = (rate - spiral * yaw) / 2.2

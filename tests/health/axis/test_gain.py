@@ -9,13 +9,25 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.axis.reference import Loss, Second
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
-from tests.health.axis.flights import SPEED, Array, changes_of, excited, rolling, rows, steady, turning
+from tests.health.axis.flights import (
+    SPEED,
+    Array,
+    changes_of,
+    excited,
+    lagged,
+    late,
+    rolling,
+    rows,
+    steady,
+    turning,
+)
 from tests.present import present
 
 
@@ -38,7 +50,7 @@ def test_what_a_reference_must_show(size: float, noise: float, alone: float, kno
     """Noise makes its gain uncertain, and a yaw rate that follows the drive; a drive may be weak."""
     flight = rolling(60, lost(99, 1.0), noise=noise, size=size)
     demand, other = flight.outputs[:, 0], excited(60, seed=5, size=size)
-    flight.yaw_rate[:] = np.concatenate([np.zeros(4), ((1 - alone) * demand + alone * other)[:-4]])
+    flight.yaw_rate[:] = late((1 - alone) * demand + alone * other)
     gain = EffectivenessTracker("roll")
     gain.feed(flight)
     assert (gain.reference is not None) is known
@@ -91,13 +103,8 @@ def certain(seconds: Sequence[Second]) -> list[Loss]:
 
 def slowed(flight: Rows, tau_s: float, from_s: int) -> Rows:
     """The same flight with a servo that follows its demand through a lag from then on."""
-    value, share = 0.0, 1 - np.exp(-0.05 / tau_s)
-    slow = np.zeros(len(flight))
-    for k, wanted in enumerate(flight.outputs[:, 0]):
-        value += share * (wanted - value)
-        slow[k] = value
-    late = np.concatenate([np.zeros(4), slow[:-4]])
-    flight.roll_rate[from_s * 20 :] = 2.2 * late[from_s * 20 :]
+    slow = late(lagged(flight.outputs[:, 0], tau_s))
+    flight.roll_rate[from_s * 20 :] = 2.2 * slow[from_s * 20 :]
     return flight
 
 
@@ -166,8 +173,7 @@ def test_gusts_that_the_autopilot_fights_are_no_loss() -> None:
     gusts = excited(300, seed=7, size=0.6)
     at = slice(2400, None)
     flight.roll_rate[at] += gusts[at]
-    late = np.concatenate([gusts[4:], np.zeros(4)])
-    flight.outputs[at, 0] -= 0.12 * late[at]
+    flight.outputs[at, 0] -= 0.12 * np.append(gusts[4:], np.zeros(4))[at]
     assert not certain(EffectivenessTracker("roll").feed(flight))
 
 
@@ -193,13 +199,9 @@ def test_the_trim_of_a_turn_is_no_loss_of_gain() -> None:
 
 
 def test_a_change_of_trim_is_no_loss_of_gain() -> None:
-    flight = steady(200)
-    demand = excited(200)
-    flight["outputs"][:, 0] = demand
-    flight["roll_rate"] = 2.2 * demand + 0.02 * np.random.default_rng(3).normal(size=demand.size)
-    flight["roll_rate"][2400:] += 0.15
-    monitor = AxisMonitor(1)
-    assert all(change.after == "unchanged" for change in changes_of(monitor, rows(flight)))
+    flight = rolling(200, lost(999, 1.0), noise=0.02, delay=0)
+    flight.roll_rate[2400:] += 0.15
+    assert {change.after for change in changes_of(AxisMonitor(1), flight)} == {"unchanged"}
 
 
 def test_a_weak_drive_in_quiet_air_makes_no_reference() -> None:
@@ -209,7 +211,7 @@ def test_a_weak_drive_in_quiet_air_makes_no_reference() -> None:
     demand = excited(240) * np.where(calm, 0.05, 1.0)
     noise = 0.002 * np.random.default_rng(2).normal(size=demand.size)
     flight["outputs"][:, 0] = demand
-    flight["roll_rate"] = np.where(calm, 4.4, 2.2) * np.concatenate([np.zeros(4), demand[:-4]]) + noise
+    flight["roll_rate"] = np.where(calm, 4.4, 2.2) * late(demand) + noise
     monitor = AxisMonitor(1)
     assert {change.after for change in changes_of(monitor, rows(flight))} == {"unchanged"}
     reference = present(monitor.findings("roll").reference)
@@ -276,9 +278,7 @@ def test_in_pitch_the_error_of_the_wind_triangle_is_no_loss(speed: float, source
     flight["speed"] = np.full(demand.size, speed)
     flight["sources"] += source
     left = np.where(np.arange(demand.size) < 120 * 20, 1.0, 0.75)
-    rate = np.zeros(demand.size)
-    for k in range(1, rate.size):
-        rate[k] = rate[k - 1] + 0.05 * (8.0 * left[k] * demand[k] - 4.0 * rate[k - 1])
+    rate = lfilter([0.05 * 8.0], [1.0, 0.05 * 4.0 - 1.0], left * demand)  # q̇ = 8 δ − 4 q
     flight["pitch_rate"] = rate + 0.002 * np.random.default_rng(5).normal(size=demand.size)
     tracker = EffectivenessTracker("pitch")
     alarms = [second for second in tracker.feed(rows(flight)) if second.loss and second.loss.certain]

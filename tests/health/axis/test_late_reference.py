@@ -12,7 +12,7 @@ from mavhums.health.axis.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.verdict.axis import indicators
 from mavhums.vehicle.rows import Rows
-from tests.health.axis.flights import changes_of, excited, rows, steady
+from tests.health.axis.flights import changes_of, excited, late, rows, steady
 from tests.health.builders import verdict
 from tests.present import present
 
@@ -29,7 +29,7 @@ def flown(seconds: int, *, left: float = 1.0, from_s: int = 0, astray: tuple[int
     gain = np.where(np.arange(n) < from_s * 20, 2.2, 2.2 * left)
     noise = 0.03 * np.random.default_rng(7).normal(size=n)
     made["outputs"][:, 0] = demand
-    made["roll_rate"] = gain * np.concatenate([np.zeros(4), demand[:-4]]) + noise
+    made["roll_rate"] = gain * late(demand) + noise
     # The angles come from a slow stream of their own: only their distance from the command is looked at.
     made["roll"] = 0.01 * np.random.default_rng(8).normal(size=n)
     if astray is not None:

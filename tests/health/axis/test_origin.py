@@ -11,7 +11,7 @@ from mavhums.health.axis.findings import origins
 from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.results.verdict import Evidence
 from mavhums.vehicle.rows import Rows
-from tests.health.axis.flights import changes_of, excited, rolling, rows, steady
+from tests.health.axis.flights import changes_of, excited, late, rolling, rows, steady
 from tests.health.axis.test_detectors import controlled
 
 LEAST_ROWS_PER_S = 14
@@ -28,7 +28,7 @@ def mixed(side: str, left: float) -> Rows:
     taken = {"left": (roll + pitch) / 2, "right": (roll - pitch) / 2, "both": roll}[side]
     rate = 2.2 * (roll - lost * taken)
     noise = 0.03 * np.random.default_rng(3).normal(size=roll.size)
-    flight["roll_rate"] = np.concatenate([np.zeros(4), rate[:-4]]) + noise
+    flight["roll_rate"] = late(rate) + noise
     return rows(flight)
 
 

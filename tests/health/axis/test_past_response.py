@@ -19,7 +19,7 @@ from mavhums.vehicle.flight import SPEEDS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from tests.health import builders
-from tests.health.axis.flights import SPEED, excited, rows, steady
+from tests.health.axis.flights import SPEED, excited, lagged, late, rows, steady
 from tests.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
@@ -38,19 +38,10 @@ def flight(
     made["outputs"][:, 0] = command
     made["yaw_rate"] = excited(seconds, seed + 1000, 0.1)
     made["speed"] = SPEED + 2.0 * excited(seconds, seed + 2000, 0.5)
-    late = np.concatenate([np.zeros(3), lagged(share * command)[:-3]])
-    made["roll_rate"] = gain * made["speed"] * late + TRIM * made["speed"] + TURN * made["yaw_rate"]
+    answer = late(lagged(share * command, 0.1, start=share[0] * command[0]), 3)  # as the sums assume it
+    made["roll_rate"] = gain * made["speed"] * answer + TRIM * made["speed"] + TURN * made["yaw_rate"]
     made["roll_rate"] += gusts * np.random.default_rng(seed).normal(size=n)
     return rows(made)
-
-
-def lagged(command: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the command after a first-order lag of 0.1 s, as the sums assume it."""
-    out, value, share = np.empty_like(command), command[0], 1.0 - np.exp(-1.0 / RATE_HZ / 0.1)
-    for k, each in enumerate(command):
-        value += share * (each - value)
-        out[k] = value
-    return out
 
 
 def record(flown: Rows, *, block: int = 1 << 20, setup: str = SENSOR, rate_hz: float = 10.0) -> OwnRecord:
@@ -166,22 +157,16 @@ def test_what_is_not_comparable_is_not_compared() -> None:
         assert judged(own, PAST, condition=condition).evidence == ()
 
 
-def test_below_the_usual_speed_nothing_is_judged() -> None:
+@pytest.mark.parametrize(
+    ("speed", "drive", "condition"),
+    [(0.84, 1.0, "undecided"), (0.88, 1.0, "emergency"), (1.0, 1e-6, "undecided")],
+)
+def test_below_the_usual_speed_or_without_a_drive_nothing_is_judged(
+    speed: float, drive: float, condition: str
+) -> None:
     own = record(flight(180, left=0.3))
-    slow = own.model_copy(update={"groups": tuple((*row[:2], 0.84 * row[2], *row[3:]) for row in own.groups)})
-    assert judged(slow, PAST).condition == "undecided"
-    still = own.model_copy(
-        update={"groups": tuple((*row[:2], 0.88 * row[2], *row[3:]) for row in own.groups)}
-    )
-    assert judged(still, PAST).condition == "emergency"
-
-
-def test_an_axis_that_was_not_driven_stays_undecided() -> None:
-    quiet = record(flight(180))
-    calm = quiet.model_copy(
-        update={"groups": tuple((*row[:3], *(1e-6 * x for x in row[3:])) for row in quiet.groups)}
-    )
-    assert judged(calm, PAST).condition == "undecided"
+    groups = tuple((*row[:2], speed * row[2], *(drive * x for x in row[3:])) for row in own.groups)
+    assert judged(own.model_copy(update={"groups": groups}), PAST).condition == condition
 
 
 @pytest.mark.parametrize(

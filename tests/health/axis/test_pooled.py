@@ -14,7 +14,7 @@ from mavhums.health.axis.reference import Reference, measured
 from mavhums.health.axis.regressions import Basis, Shape
 from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import Coverage
-from tests.health.axis.flights import Array, changes_of, excited, rolling, rows, steady
+from tests.health.axis.flights import Array, changes_of, excited, late, rolling, rows, steady
 from tests.present import present
 
 GAIN = 2.0
@@ -64,7 +64,7 @@ def test_a_quiet_flight_says_which_loss_it_excludes() -> None:
         made["outputs"][:, 0] = demand
         noise = 0.03 * np.random.default_rng(7).normal(size=demand.size)
         gain = np.where(np.arange(demand.size) < 1200, 2.2, 2.2 * left)
-        made["roll_rate"] = gain * np.concatenate([np.zeros(4), demand[:-4]]) + noise
+        made["roll_rate"] = gain * late(demand) + noise
         return made
 
     whole, half = coverage(flight(1.0)), coverage(flight(0.45))

@@ -9,8 +9,8 @@ import pytest
 
 from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.reference import constants, least_squares, without_blocks
-from mavhums.health.axis.regressions import FORMS, Lag, Shape
-from tests.health.axis.flights import excited, rows, steady
+from mavhums.health.axis.regressions import FORMS, Shape
+from tests.health.axis.flights import excited, lagged, late, rows, steady
 from tests.present import present
 
 
@@ -19,8 +19,8 @@ from tests.present import present
 def test_a_reference_finds_the_delay_and_the_lag(axis: str, column: int, delay: int, tau_s: float) -> None:
     flight, demand = steady(60), excited(60)
     flight["outputs"][:, column] = demand
-    late = np.concatenate([np.zeros(delay), Lag(tau_s).feed(demand)])[: len(demand)]
-    flight["yaw_rate" if axis == "steering" else "roll_rate"] = 2.0 * late
+    answer = late(lagged(demand, tau_s) if tau_s else demand, delay)
+    flight["yaw_rate" if axis == "steering" else "roll_rate"] = 2.0 * answer
     tracker = EffectivenessTracker(axis)
     tracker.feed(rows(flight))
     assert present(tracker.reference).shape == Shape(delay, tau_s)
