@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks._fleet import compared
+from mavhums.actuator.align import Aligned
+from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator, load_airframe
-from mavhums.core.quantities import column
+from mavhums.core.quantities import KEYS, column
 from mavhums.engine.events import Event
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums_sim import Flight, FlightRecord, Gearbox, fly
@@ -88,6 +90,35 @@ def telemetry(seen: Mapping[str, Telemetry], surface: str = "elevator", *, esc: 
         there = [column(key) for key in ESC_KEYS]
         values[:, [k for k in range(12) if k not in there]] = np.nan
     return Telemetry(own.time_s, values, own.bus_v)
+
+
+TIERS = {
+    "instrumented": KEYS,
+    "csrv": ("V1", "V3", "V4", "V5", "V10", "V11"),
+    "esc-signed": ESC_KEYS,
+    "esc-unsigned": ESC_KEYS,
+}
+UNSIGNED = [column(key) for key in ("V4", "V5", "V7")]
+QUANTA = np.array([0.01, 0.01, 1.0])
+
+
+def reported(
+    seen: Telemetry, tier: str, actuator: Actuator | None = None
+) -> tuple[Telemetry, NDArray[np.bool_]]:
+    """Return what a tier reports of a flight, completed as from a log, and what of it is measured."""
+    given = np.isin(KEYS, TIERS[tier])
+    values = np.where(given, seen.values, np.nan)
+    rate = np.gradient(values[:, column("V1")], seen.time_s)
+    magnitudes, signed = None, tier != "esc-unsigned"
+    if not signed:
+        magnitudes = values[:, UNSIGNED] = np.rint(np.abs(values[:, UNSIGNED]) / QUANTA) * QUANTA
+        given[UNSIGNED] = False
+        rate = np.interp(seen.time_s - 0.05, seen.time_s, rate)
+    origin = np.where(np.isfinite(values), 0, -1).astype(np.int8)
+    time_us = np.rint(seen.time_s * 1e6).astype(np.int64)
+    aligned = Aligned(time_us, values, origin, rate, tier, signed)
+    completed = Deriver(actuator or actuator_of()).complete(aligned)
+    return Telemetry(seen.time_s, completed, seen.bus_v, magnitudes), given
 
 
 def watch(

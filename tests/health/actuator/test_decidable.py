@@ -13,8 +13,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from benchmarks._fleet import compared
-from mavhums.actuator.align import Aligned
-from mavhums.actuator.derive import Deriver
 from mavhums.actuator.profile import Actuator
 from mavhums.actuator.telemetry import tier_named
 from mavhums.core.quantities import KEYS, column
@@ -25,13 +23,10 @@ from mavhums.health.verdict.actuator import verdict_of_actuator
 from mavhums.results.verdict import Coverage
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
-from tests.health.flown import Telemetry, actuator_of, flown, telemetry
+from tests.health.flown import Telemetry, actuator_of, flown, reported, telemetry
 
-TIERS = ("instrumented", "esc-signed", "esc-unsigned", "esc at the bus", "angles")
 FAULTS = {"none": 0.0, "friction": 0.7, "backlash": 0.3, "resistance": 0.3, "jam": 10.0}
 START = datetime(2026, 1, 1, tzinfo=UTC)
-_SENSED = {"instrumented": KEYS, "angles": ("V1", "V3")}
-_ESC = ("V1", "V4", "V5", "V7")
 
 BASELINES = {
     fault: Baseline(mean, error=0.001, flights=20, between=0.001, spread=0.002)
@@ -41,7 +36,7 @@ BASELINES = {
 
 
 CASES = st.tuples(
-    st.sampled_from(TIERS),
+    st.sampled_from(["instrumented", "esc-signed", "esc-unsigned", "esc at the bus", "angles"]),
     st.sampled_from(sorted(FAULTS)),
     st.sampled_from(["cruise", "turns", "preflight"]),
     st.sampled_from([10.0, 25.0]),
@@ -58,21 +53,12 @@ def sent(
     side: EscSide = "bus" if tier == "esc at the bus" else "motor"
     record = flown(*worn, rate_hz=rate_hz, seconds=60.0, cyclogram=cyclogram, seed=931, esc_side=side)
     seen, actuator = telemetry(record), actuator_of(esc_side=side)
-    keys = _SENSED.get(tier, _ESC)
-    measured = np.isin(KEYS, keys)
-    values = np.where(measured, seen.values, np.nan)
-    if tier.startswith("esc"):
-        rate = np.gradient(values[:, column("V1")], seen.time_s)
-        signed = tier != "esc-unsigned"
-        if not signed:
-            for key, step in (("V4", 0.01), ("V5", 0.01), ("V7", 1.0)):
-                values[:, column(key)] = np.abs(np.rint(values[:, column(key)] / step) * step)
-                measured[column(key)] = False
-        times = np.rint(seen.time_s * 1e6).astype(np.int64)
-        origin = np.zeros(values.shape, dtype=np.int8)
-        name = "esc-signed" if signed else tier
-        values = Deriver(actuator).complete(Aligned(times, values, origin, rate, name, signed))
-    return actuator, Telemetry(seen.time_s, values, seen.bus_v), tuple(measured.tolist())
+    if tier == "angles":
+        measured = np.isin(KEYS, ["V1", "V3"])
+        seen = Telemetry(seen.time_s, np.where(measured, seen.values, np.nan))
+    else:
+        seen, measured = reported(seen, "esc-signed" if side == "bus" else tier, actuator)
+    return actuator, seen, tuple(measured.tolist())
 
 
 def shown(seen: Telemetry, spans: list[tuple[float, float]]) -> NDArray[np.bool_]:

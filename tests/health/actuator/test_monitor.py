@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,23 +96,17 @@ def test_an_indication_is_a_95_percent_interval_of_every_window_that_shows_the_f
 class Contrary:
     """Says the contrary of the packaged network."""
 
-    def __init__(self) -> None:
-        self._network = default_model()
-        self.keys = self._network.keys
-        self.window_classes = self._network.window_classes
-        self.window_level = self._network.window_level
+    def __getattr__(self, name: str) -> Any:
+        return getattr(default_model(), name)
 
     def classify_windows(self, features: Array) -> tuple[Array, NDArray[np.bool_]]:
-        probabilities, inside = self._network.classify_windows(features)
-        order = [
-            self.window_classes.index(name) for name in ("friction_emergency", "friction_degraded", "normal")
-        ]
-        swapped = probabilities.copy()
-        swapped[:, order] = probabilities[:, order[::-1]]
-        return swapped, inside
+        probabilities, inside = default_model().classify_windows(features)
+        order = [self.window_classes.index(name) for name in ("friction_emergency", "normal")]
+        probabilities[:, order] = probabilities[:, order[::-1]]
+        return probabilities, inside
 
     def votes(self, values: Array) -> NDArray[np.int8]:
-        votes = self._network.votes(values)
+        votes = default_model().votes(values)
         return np.where(votes >= 0, 1 - votes, votes).astype(np.int8)
 
     def probability(self, share: float) -> float:

@@ -6,42 +6,14 @@ import itertools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from mavhums.actuator.align import Aligned
-from mavhums.actuator.derive import Deriver
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
-from mavhums.core.quantities import KEYS, column
+from mavhums.core.quantities import column
 from mavhums.learn import packaged_models
 from mavhums_sim.conditions import FAULTS
 from mavhums_sim.conditions import Condition as Fault
 from mavhums_sim.manoeuvres import CYCLOGRAMS
-from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
-
-TIERS = {
-    "instrumented": KEYS,
-    "csrv": ("V1", "V3", "V4", "V5", "V10", "V11"),
-    "esc-signed": ("V1", "V4", "V5", "V7"),
-    "esc-unsigned": ("V1", "V4", "V5", "V7"),
-}
-UNSIGNED = [column(key) for key in ("V4", "V5", "V7")]
-QUANTA = np.array([0.01, 0.01, 1.0])
-
-
-def reported(seen: Telemetry, tier: str) -> tuple[Telemetry, NDArray[np.bool_]]:
-    """Return what a tier reports of a flight, completed as from a log, and what of it is measured."""
-    given = np.isin(KEYS, TIERS[tier])
-    values = np.where(given, seen.values, np.nan)
-    rate = np.gradient(values[:, column("V1")], seen.time_s)
-    magnitudes, signed = None, tier != "esc-unsigned"
-    if not signed:
-        magnitudes = values[:, UNSIGNED] = np.rint(np.abs(values[:, UNSIGNED]) / QUANTA) * QUANTA
-        given[UNSIGNED] = False
-        rate = np.interp(seen.time_s - 0.05, seen.time_s, rate)
-    origin = np.where(np.isfinite(values), 0, -1).astype(np.int8)
-    time_us = np.rint(seen.time_s * 1e6).astype(np.int64)
-    completed = Deriver(actuator_of()).complete(Aligned(time_us, values, origin, rate, tier, signed))
-    return Telemetry(seen.time_s, completed, magnitudes=magnitudes), given
+from tests.health.flown import TIERS, actuator_of, flown, reported, telemetry, watch
 
 
 def verdicts(fault: str, severity: float, seed: int, cyclogram: str) -> dict[str, Condition]:

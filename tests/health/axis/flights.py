@@ -17,17 +17,7 @@ from mavhums.vehicle.rows import Rows
 Array = NDArray[np.float64]
 
 SPEED = 18.0
-STILL = (
-    "roll_rate",
-    "pitch_rate",
-    "yaw_rate",
-    "side_force",
-    "roll",
-    "pitch",
-    "roll_demand",
-    "pitch_demand",
-    "sources",
-)
+STILL = ("roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch", "roll_demand", "pitch_demand")
 
 
 def changes_of(monitor: AxisMonitor, flight: Rows) -> list[ConditionChanged]:
@@ -37,7 +27,7 @@ def changes_of(monitor: AxisMonitor, flight: Rows) -> list[ConditionChanged]:
 def steady(seconds: int) -> dict[str, Array]:
     """Level flight without wind: what the tests change."""
     n = seconds * RATE_HZ
-    still = {name: np.zeros(n) for name in STILL}
+    still = {name: np.zeros(n) for name in (*STILL, "side_force", "sources")}
     level = {"load": np.full(n, -1.0), "speed": np.full(n, SPEED), "spacing": np.full(n, 0.1)}
     return still | level | {"outputs": np.zeros((n, 3))}
 

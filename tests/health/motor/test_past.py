@@ -17,14 +17,10 @@ from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.motor import compare_motors
 from mavhums.results.verdict import Coverage, Verdict
 from mavhums.vehicle.grid import RATE_HZ
-from mavhums.vehicle.parameters import Parameters
-from mavhums.vehicle.rotors import Rotors, rotors_of
-from mavhums_sim.multirotor.log import FUNCTIONS, PARAMETERS
 from tests.health.builders import indicator, verdict
+from tests.health.motor.test_monitor import rotors
 
-QUAD = rotors_of(Parameters(1, False, {**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}))
-assert isinstance(QUAD, Rotors)
-COLUMNS = QUAD.columns
+COLUMNS = rotors("quad x").columns
 FLAT = np.zeros(3)
 
 

@@ -2,14 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
+from mavhums.core.arrays import Array
 from mavhums.health.motor.speeds import EscSpeeds, SpeedCause, SpeedsBesideThrust
 from mavhums.vehicle.grid import RATE_HZ
 from tests.present import present
 
 LOST_S = 40.0
+
+
+def speeds_of(
+    seconds: int,
+    motors: int,
+    halves: Callable[[int, int], ArrayLike],
+    *,
+    thrust: Callable[[int], ArrayLike] = lambda _: 0.25,
+    decided: bool = False,
+) -> SpeedsBesideThrust:
+    """Return what motors turn at whose speeds in the halves of each second, and whose thrusts, are given."""
+    heard = EscSpeeds()
+    speeds = SpeedsBesideThrust(heard, tuple(range(1, motors + 1)))
+    for second in range(seconds):
+        for motor in range(motors):
+            own = np.repeat(np.broadcast_to(halves(motor, second), 2), 2) + np.array([0.0, 1.0, 0.0, 1.0])
+            heard.hear(motor, second + np.array([0.1, 0.3, 0.6, 0.8]), own)
+        asked = np.broadcast_to(thrust(second), (RATE_HZ, motors)).astype(np.float64)
+        decided_s = LOST_S + 1.0 if decided and second > LOST_S else None
+        speeds.add(second, asked, np.ones(RATE_HZ, dtype=bool), decided_s)
+    return speeds
 
 
 def cause(left: float, *, thrust: float = 0.36, sags: float = 1.0, from_s: int = 0) -> SpeedCause | None:
@@ -69,20 +94,17 @@ def test_the_esc_of_a_motor_is_the_one_whose_speed_follows_its_output(escs: tupl
     assert found.ratio == pytest.approx(1.0, rel=0.01)
 
 
-def test_a_thrust_of_two_hundredths_is_the_least_that_shows_a_speed() -> None:
+@pytest.mark.parametrize(("after", "shown"), [(0.0225, True), (0.0199, False)])
+def test_a_thrust_of_two_hundredths_is_the_least_that_shows_a_speed(after: float, shown: bool) -> None:
     """Speed goes with the root of thrust down to 0.02; below, the idle of the motor decides it."""
-    for before, after, ratio in ((0.09, 0.0225, 1.0), (0.09, 0.0199, None)):
-        heard = EscSpeeds()
-        speeds = SpeedsBesideThrust(heard, (1, 2, 3, 4))
-        for second in range(60):
-            asked = np.tile([0.09, before if second < LOST_S else after, 0.09, 0.09], (RATE_HZ, 1))
-            for motor, thrust in enumerate(asked[0]):
-                heard.hear(
-                    motor, second + np.array([0.1, 0.3, 0.6, 0.8]), 900 * thrust**0.5 + np.arange(4) % 2
-                )
-            speeds.add(second, asked, np.ones(RATE_HZ, dtype=bool), LOST_S + 1.0 if second > LOST_S else None)
-        found = speeds.cause(1, LOST_S)
-        assert (found and found.ratio) == (ratio if ratio is None else pytest.approx(ratio, rel=0.005))
+
+    def thrust(second: int) -> Array:
+        return np.array([0.09, 0.09 if second < LOST_S else after, 0.09, 0.09])
+
+    speeds = speeds_of(60, 4, lambda k, second: 900.0 * thrust(second)[k] ** 0.5, thrust=thrust, decided=True)
+    found = speeds.cause(1, LOST_S)
+    assert (found is not None) is shown
+    assert found is None or found.ratio == pytest.approx(1.0, rel=0.005)
 
 
 def test_too_little_before_or_a_battery_that_collapsed_says_nothing() -> None:
@@ -93,18 +115,13 @@ def test_too_little_before_or_a_battery_that_collapsed_says_nothing() -> None:
 
 def test_a_loss_that_is_known_late_is_held_against_the_time_before_it() -> None:
     """Only whole half seconds before the onset are usual, and those from 0.4 s after it are new."""
-    heard = EscSpeeds()
-    speeds = SpeedsBesideThrust(heard, (1, 2, 3))
-    for second in range(40):
-        for motor in range(3):
-            halves = [900.0 if second % 2 else 1100.0] * 2
-            if motor == 0 and second >= 30:
-                halves = [880.0 if second == 30 else 660.0 if second % 2 else 700.0, 680.0]
-            heard.hear(
-                motor, second + np.array([0.1, 0.3, 0.6, 0.8]), np.repeat(halves, 2) + np.array([0, 1, 0, 1])
-            )
-        speeds.add(second, np.full((RATE_HZ, 3), 0.25), np.ones(RATE_HZ, dtype=bool), None)
-    found = present(speeds.cause(0, 30.2))
+
+    def halves(motor: int, second: int) -> ArrayLike:
+        if motor == 0 and second >= 30:
+            return [880.0 if second == 30 else 660.0 if second % 2 else 700.0, 680.0]
+        return 900.0 if second % 2 else 1100.0
+
+    found = present(speeds_of(40, 3, halves).cause(0, 30.2))
     assert (found.start_s, found.end_s) == (31.0, 40.0)
     usual = [1100.5, 900.5] * 15
     before = np.mean([*usual, *usual])
@@ -138,14 +155,10 @@ def test_speeds_are_means_of_half_seconds_unless_they_only_repeat_themselves() -
 @pytest.mark.parametrize(("left", "words"), [(0.833, "its speed lags"), (0.836, None)])
 def test_a_speed_that_scattered_before_must_lag_by_more(left: float, words: str | None) -> None:
     """Twenty bins 10 % beside their mean scatter by 10.26 %: that of three after it is known to 11.6 %."""
-    heard = EscSpeeds()
-    speeds = SpeedsBesideThrust(heard, (1, 2, 3))
-    for k in range(24):
-        for motor in range(3):
-            share = 1.0 if motor else (0.9 if k % 2 else 1.1) if k < 20 else left
-            heard.hear(motor, 0.5 * k + np.array([0.1, 0.3]), 1000.0 * share + np.array([-1.0, 1.0]))
-        if k % 2:
-            speeds.add(k // 2, np.full((RATE_HZ, 3), 0.25), np.ones(RATE_HZ, dtype=bool), None)
-    found = speeds.cause(0, 10.0)
+
+    def halves(motor: int, second: int) -> ArrayLike:
+        return 999.5 if motor else [1099.5, 899.5] if second < 10 else 1000.0 * left - 0.5
+
+    found = speeds_of(12, 3, halves).cause(0, 10.0)
     assert (found is None) is (words is None)
     assert found is None or found.words.startswith(words or "")

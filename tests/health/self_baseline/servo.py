@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator, load_airframe
+from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT
-from mavhums.health.estimation.flight_sums import OwnSums
+from mavhums.health.estimation.flight_sums import KEPT, OwnSums
+from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.strokes import StrokeSums
@@ -81,6 +83,24 @@ def collected(
     for slots in filter(None, [*pieces, cutter.finish()]):
         collector.feed(slots)
     return collector.record()
+
+
+def voltage(
+    seed: int, servo: Servo | None = None, *, noise_a: float = 0.0, seconds: float = 100.0
+) -> OwnRecord:
+    """Return what a flight leaves of the motor's voltage, which is measured with noise."""
+    flight = (servo or Servo()).flown(seed, seconds=seconds)
+    rng = np.random.default_rng([seed, 5])
+    flight[1][:, column("V4")] += NOISE_V * rng.standard_normal(flight[0].size)
+    flight[1][:, column("V5")] += noise_a * rng.standard_normal(flight[0].size)
+    return present(collected(VoltageSums(blank()), flight))
+
+
+def scaled(record: OwnRecord, **times: float) -> OwnRecord:
+    """Return the record of the same flight with columns of its samples multiplied."""
+    scale = np.array([times.get(name, 1.0) for name in KEPT])
+    grams = [(row[0], unpacked(row[1:], len(KEPT)) * np.outer(scale, scale)) for row in record.groups]
+    return record.model_copy(update={"groups": tuple((count, *packed(gram)) for count, gram in grams)})
 
 
 def left(servo: Servo, seed: int, equation: OwnEquation = EQUATION, **flight: float) -> OwnRecord:

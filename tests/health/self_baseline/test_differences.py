@@ -10,12 +10,10 @@ import pytest
 
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import TWO_WAYS
-from mavhums.health.estimation.flight_sums import KEPT
-from mavhums.health.estimation.least_squares import packed, unpacked
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import compared, differences
 from mavhums.results.verdict import OwnRecord
-from tests.health.self_baseline.servo import EQUATION, Servo, left
+from tests.health.self_baseline.servo import EQUATION, Servo, left, scaled
 from tests.present import present
 
 BY_ACTIVITY = replace(EQUATION, by_activity=True)
@@ -23,11 +21,7 @@ SLOPE = 1.5
 
 
 def lively(record: OwnRecord, times: float) -> OwnRecord:
-    """Return the record of the same flight with its accelerations multiplied."""
-    scale = np.ones(len(KEPT))
-    scale[KEPT.index("acceleration")] = times
-    grams = [(row[0], unpacked(row[1:], len(KEPT)) * np.outer(scale, scale)) for row in record.groups]
-    return record.model_copy(update={"groups": tuple((count, *packed(gram)) for count, gram in grams)})
+    return scaled(record, acceleration=times)
 
 
 def flown(seed: int, friction_a: float = 0.05) -> OwnRecord:

@@ -9,19 +9,11 @@ import pytest
 
 from mavhums.core.quantities import column
 from mavhums.health.estimation.motor_identification import VoltageSums, identified
-from mavhums.results.verdict import Interval, OwnRecord
-from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
+from mavhums.results.verdict import Interval
+from tests.health.self_baseline.servo import Servo, blank, collected, left, voltage
 from tests.present import present
 
 SERVO = Servo()
-
-
-def measured(seed: int, noise_v: float = NOISE_V, noise_a: float = 0.0, servo: Servo = SERVO) -> OwnRecord:
-    time_s, values, airspeed = servo.flown(seed)
-    rng = np.random.default_rng([seed, 5])
-    values[:, column("V4")] += noise_v * rng.standard_normal(time_s.size)
-    values[:, column("V5")] += noise_a * rng.standard_normal(time_s.size)
-    return present(collected(VoltageSums(blank()), (time_s, values, airspeed)))
 
 
 def inside(interval: Interval, truth: float) -> bool:
@@ -29,7 +21,7 @@ def inside(interval: Interval, truth: float) -> bool:
 
 
 def test_resistance_back_emf_and_drop_are_told_apart() -> None:
-    found = present(identified([measured(seed) for seed in range(3)]))
+    found = present(identified([voltage(seed) for seed in range(3)]))
     assert found.flights == 3
     assert found.resistance.estimate == pytest.approx(SERVO.resistance, rel=0.01)
     assert found.back_emf.estimate == pytest.approx(SERVO.back_emf, rel=0.01)
@@ -40,7 +32,7 @@ def test_resistance_back_emf_and_drop_are_told_apart() -> None:
 def test_the_intervals_hold_the_truth(noise_a: float, drop_v: float) -> None:
     held, servo = 0, replace(SERVO, drop_v=drop_v)
     for seed in range(20):
-        found = present(identified([measured(seed, noise_a=noise_a, servo=servo)]))
+        found = present(identified([voltage(seed, servo, noise_a=noise_a)]))
         held += inside(found.resistance, SERVO.resistance) + inside(found.back_emf, SERVO.back_emf)
     assert held >= 35
 
@@ -53,7 +45,7 @@ def test_magnitudes_identify_nothing() -> None:
 
 def test_a_motor_without_resistance_or_without_back_emf_is_not_identified() -> None:
     """A current of the opposite sign gives less than no resistance."""
-    assert identified([measured(1, servo=replace(SERVO, back_emf=0.0))]) is None
+    assert identified([voltage(1, replace(SERVO, back_emf=0.0))]) is None
     time_s, values, airspeed = SERVO.flown(1)
     values[:, column("V5")] *= -1.0
     record = present(collected(VoltageSums(blank()), (time_s, values, airspeed)))

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from mavhums.core.quantities import column
 from mavhums.health.decision.baseline import PastRecord
-from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.self_baseline.motor import MOTOR_FAULTS, _prediction, motor_indicators
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, without_own
-from mavhums.results.verdict import Interval, OwnRecord
+from mavhums.results.verdict import Interval
 from tests.health.builders import verdict
-from tests.health.self_baseline.servo import NOISE_V, Servo, blank, collected, left
+from tests.health.self_baseline import servo
 from tests.present import present
 
-
-def voltage(seed: int, servo: Servo | None = None) -> OwnRecord:
-    flight = (servo or Servo()).flown(seed, seconds=60.0)
-    flight[1][:, column("V4")] += NOISE_V * np.random.default_rng([seed, 4]).standard_normal(len(flight[0]))
-    return present(collected(VoltageSums(blank()), flight))
-
-
+voltage = partial(servo.voltage, seconds=60.0)
 PAST = [PastRecord((voltage(seed),), "2026-03-01", True) for seed in range(10)]
 
 
 def test_a_motor_is_shown_beside_its_earlier_flights() -> None:
-    resistance, back_emf = motor_indicators([voltage(30, Servo(resistance=22.0))], PAST)
+    resistance, back_emf = motor_indicators([voltage(30, servo.Servo(resistance=22.0))], PAST)
     assert (resistance.fault, back_emf.fault) == MOTOR_FAULTS
     assert resistance.value.estimate == pytest.approx(22.0, rel=0.02)
     assert back_emf.value.estimate == pytest.approx(0.015, rel=0.02)
@@ -58,11 +52,11 @@ def test_nine_flights_make_no_baseline_and_unsound_ones_do_not_count() -> None:
 
 
 def test_without_voltage_there_is_no_motor() -> None:
-    assert motor_indicators([left(Servo(), 32, seconds=60.0)], PAST) == ()
+    assert motor_indicators([servo.left(servo.Servo(), 32, seconds=60.0)], PAST) == ()
 
 
 def test_a_verdict_carries_them_once_and_alone_it_has_none() -> None:
-    alone = verdict(own=(left(Servo(), 33, seconds=60.0), voltage(33)))
+    alone = verdict(own=(servo.left(servo.Servo(), 33, seconds=60.0), voltage(33)))
     once = compare_with_own_flights(alone, [])
     assert [shown.fault for shown in once.indicators] == ["friction_current", *MOTOR_FAULTS]
     assert compare_with_own_flights(once, []) == once

@@ -9,13 +9,14 @@ import pytest
 
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import TRACKING
+from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.motor_identification import VoltageSums
 from mavhums.health.estimation.random_effects import population
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_reason
 from mavhums.results.verdict import OwnRecord
 from tests.health.builders import verdict
-from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
+from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left, scaled
 from tests.present import present
 
 
@@ -86,16 +87,9 @@ def test_a_fault_that_blurs_its_own_quantity_is_changed() -> None:
 
 
 def test_a_reversed_current_wears_as_well() -> None:
-    def turned(record: OwnRecord) -> OwnRecord:
-        groups = tuple(
-            tuple(-number if k in (6, 11, 15, 18, 20) else number for k, number in enumerate(group))
-            for group in record.groups
-        )
-        return record.model_copy(update={"groups": groups})
-
-    before = past(*(turned(p.records[0]) for p in HEALTHY))
-    assert compare(EQUATION, turned(flight(54, 0.09)), before).condition == "changed"
-    assert compare(EQUATION, turned(flight(55)), before).condition == "unchanged"
+    before = past(*(scaled(p.records[0], **{KEPT[-1]: -1.0}) for p in HEALTHY))
+    for own, condition in ((flight(54, 0.09), "changed"), (flight(55), "unchanged")):
+        assert compare(EQUATION, scaled(own, **{KEPT[-1]: -1.0}), before).condition == condition
 
 
 def test_only_flights_measured_alike_are_compared() -> None:

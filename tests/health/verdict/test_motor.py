@@ -18,25 +18,24 @@ from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Coverage, Evidence, Interval, Verdict
-from mavhums.vehicle.rotors import Rotors
 from tests.health.builders import indicator, verdict
-from tests.health.motor.test_past import QUAD
+from tests.health.motor.test_monitor import rotors
 from tests.present import present
 
 START = datetime(2026, 3, 1, 9, tzinfo=UTC)
-assert isinstance(QUAD, Rotors)
+QUAD = rotors("quad x")
 LOSS = ThrustLoss(2, 41.239, 40.123, Interval(estimate=0.4004, low=0.2996, high=0.6004), 3.0)
 FINDINGS = MotorFindings(QUAD, None, (), 90.0, 60.0, False, (0.1, 0.31, 0.2, 0.0), ((), (), (), ()))
 
 
-def verdicts(findings: MotorFindings | None, rotors: Any = QUAD, *, lacks: str = "") -> list[Verdict]:
+def verdicts(findings: MotorFindings | None, known: Any = QUAD, *, lacks: str = "") -> list[Verdict]:
     flight: Any = SimpleNamespace(
         heard={"outputs", "attitude", "rates"} - {lacks},
         autopilots={3},
         parameters=(),
         lasted_s=lambda _: 60.0,
     )
-    return [*verdicts_of_motors(1, findings, rotors, flight, START)]
+    return [*verdicts_of_motors(1, findings, known, flight, START)]
 
 
 @pytest.mark.parametrize(
@@ -55,11 +54,11 @@ def test_why_no_motor_is_judged(changes: dict[str, Any], lacks: str, code: str) 
     assert found.reason_codes == (code,)
 
 
-@pytest.mark.parametrize("rotors", [None, Reason("no_parameter", name="FRAME_TYPE")])
-def test_motors_that_are_not_known(rotors: Reason | None) -> None:
-    [found] = verdicts(None, rotors)
+@pytest.mark.parametrize("unknown", [None, Reason("no_parameter", name="FRAME_TYPE")])
+def test_motors_that_are_not_known(unknown: Reason | None) -> None:
+    [found] = verdicts(None, unknown)
     assert found.condition == "undecided"
-    assert found.reason_codes == (rotors.code if rotors else "motors_unknown",)
+    assert found.reason_codes == (unknown.code if unknown else "motors_unknown",)
 
 
 def test_a_loss_is_one_verdict_on_its_motor() -> None:
