@@ -47,10 +47,12 @@ COUNT = 400
 CARRIED = ("V1", "V2", "V4", "V11")
 
 
-def slot(moving: Array, *, commanded: float = 10.0, flown: float = 9.0, **carried: int) -> Array:
+def slot(
+    moving: Array, *, commanded: float = 10.0, flown: float = 9.0, peak: float = 12.0, **carried: int
+) -> Array:
     """Return the sums of a slot of 400 samples, some of which move; each quantity has so many of them."""
     counts = [carried.get(key, COUNT) for key in CARRIED]
-    others = [COUNT, commanded, flown, COUNT * 0.5, COUNT * 0.5, COUNT * 9.0, *counts, 12.0]
+    others = [COUNT, commanded, flown, COUNT * 0.5, COUNT * 0.5, COUNT * 9.0, *counts, peak]
     return np.concatenate([products(moving).sum(axis=0), others])
 
 
