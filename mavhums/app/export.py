@@ -171,7 +171,8 @@ class _SampleClassifier:
         """Return the columns that hold the answers on these samples."""
         serving = [model for model in self.models if model.card.airframe == airframe]
         ema = mapped.actuator.ema
-        answers = answer_samples(serving, mapped.values, ema.gear_ratio if ema else None)
+        ratio, sensed = ema.gear_ratio if ema else None, mapped.measured[:, KEYS.index("V2")]
+        answers = answer_samples(serving, mapped.values, ratio, sensed)
         names = np.array([*answers.classes, None], dtype=object)[answers.said]
         self._answered |= bool((answers.said >= 0).any())
         self._carried |= {KEYS[k] for k in np.flatnonzero(np.isfinite(mapped.values).any(axis=0)).tolist()}

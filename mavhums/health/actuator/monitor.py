@@ -307,7 +307,8 @@ class Monitor:
         if self._networks:
             bounds = np.cumsum([0, *counts[:, 1]]).astype(np.int64)
             ratio = self.actuator.ema.gear_ratio if self.actuator.ema else None
-            ballots = count_votes(self._networks, moved.values[moved.moving], bounds, ratio).astype(float)
+            asked = moved.values[moved.moving], bounds, ratio, moved.apart[moved.moving]
+            ballots = count_votes(self._networks, *asked).astype(float)
             self._tally.count(ballots)
             if self._by_window:
                 own = window_sums(self.actuator, slots, moved)

@@ -113,7 +113,11 @@ def by_votes(p_emergency: float, network: int) -> VoteOutcome:
 
 
 def count_votes(
-    networks: Sequence[Classifier], moving: Array, bounds: ArrayLike, gear_ratio: float | None
+    networks: Sequence[Classifier],
+    moving: Array,
+    bounds: ArrayLike,
+    gear_ratio: float | None,
+    sensed: Flags | None = None,
 ) -> Counts:
     """Count the networks' votes on the moving samples of one or several slots.
 
@@ -126,8 +130,8 @@ def count_votes(
         V1…V12 of the slots' moving samples, concatenated, shape (n, 12).
     bounds
         Start of each slot in ``moving``, and end of the last one, shape (slots + 1,).
-    gear_ratio
-        Gear ratio of the actuator: a V3 that is exactly V2 divided by it was not measured. None if unknown.
+    gear_ratio, sensed
+        As for :func:`carries`.
 
     Returns
     -------
@@ -140,7 +144,7 @@ def count_votes(
     counts = np.zeros((len(sizes), VOTE_COLUMNS), dtype=np.int64)
     counts[:, _BALLOT.network] = -1
     counts[:, _BALLOT.moving] = sizes
-    carried = carries(moving, gear_ratio)
+    carried = carries(moving, gear_ratio, sensed)
     for k, network in enumerate(networks):
         open_ = (counts[:, _BALLOT.network] < 0) & (sizes > 0)
         if not open_.any():
@@ -255,9 +259,21 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome
     ]
 
 
-def carries(values: Array, gear_ratio: float | None) -> Flags:
-    """Return which quantities of V1…V12 (n, 12) carry something, shape (n, 12)."""
+def carries(values: Array, gear_ratio: float | None, sensed: Flags | None = None) -> Flags:
+    """Return which quantities of V1…V12 (n, 12) carry something, shape (n, 12).
+
+    Parameters
+    ----------
+    values
+        Shape (n, 12).
+    gear_ratio
+        Gear ratio of the actuator: a V3 that is exactly V2 divided by it was not measured. None if unknown.
+    sensed
+        Whether a sensor measured V2, shape (n,): one that is the integral of V7 drifts. None if all are.
+    """
     carried = np.isfinite(values)
+    if sensed is not None:
+        carried[:, _V2] &= sensed
     if gear_ratio is not None:
         # A V3 that was divided from V2 is no measurement, and V2 then the drifting integral of a speed.
         carried[:, [_V2, _V3]] &= (values[:, _V3] != values[:, _V2] / gear_ratio)[:, None]
@@ -293,7 +309,9 @@ class SampleAnswers(NamedTuple):
     classes: tuple[str, ...]
 
 
-def answer_samples(models: Sequence[Model], values: Array, gear_ratio: float | None = None) -> SampleAnswers:
+def answer_samples(
+    models: Sequence[Model], values: Array, gear_ratio: float | None = None, sensed: Flags | None = None
+) -> SampleAnswers:
     """Return the networks' answers on samples.
 
     Parameters
@@ -302,14 +320,14 @@ def answer_samples(models: Sequence[Model], values: Array, gear_ratio: float | N
         Networks; the one with the most inputs comes first.
     values
         V1…V12, shape (n, 12).
-    gear_ratio
-        Gear ratio of the actuator: a V3 that is exactly V2 divided by it was not measured. None if unknown.
+    gear_ratio, sensed
+        As for :func:`carries`.
     """
     count = len(values)
     classes = tuple(dict.fromkeys(name for model in models for name in model.classes))
     p_emergency, inside = np.full(count, np.nan), np.zeros(count, dtype=np.bool_)
     said = np.full(count, -1, dtype=np.int8)
-    carried = carries(values, gear_ratio)
+    carried = carries(values, gear_ratio, sensed)
     open_ = np.ones(count, dtype=np.bool_)
     for model in models:
         # The first network whose quantities a sample carries answers it, and no other.
