@@ -60,6 +60,7 @@ from tests.health.decision import test_growth
 from tests.health.motor import test_monitor, test_past
 from tests.health.self_baseline import test_own_judge, test_strokes
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
+from tests.health.self_baseline.servo import past as past_of
 
 FIGURES = CARRIED / "figures"
 ALIKE = 1e-3  # of a number: processors differ in the last digits, and some figures are differences
@@ -271,7 +272,7 @@ def test_of_motors(name: str) -> None:
 def own() -> Iterator[tuple[str, Any]]:
     """Yield comparisons of a servo with its own flights."""
     current = test_own_judge
-    worn = current.past(*(current.flight(80 + k, 0.08) for k in range(3)))
+    worn = past_of(*(current.flight(80 + k, 0.08) for k in range(3)))
     for name, seed, friction_a in (("like", 51, 0.05), ("risen", 84, 0.08), ("fallen", 53, 0.03)):
         for past in (current.HEALTHY[:5], current.HEALTHY, [*current.HEALTHY, *worn]):
             yield f"{name} {len(past)}", compare(EQUATION, current.flight(seed, friction_a), past)
@@ -279,9 +280,9 @@ def own() -> Iterator[tuple[str, Any]]:
     past = [PastRecord((record,), "2026-03-01", True) for record in swept[:-1] if record]
     yield "strokes", swept[-1] and compare(TWO_WAYS, swept[-1], past)
     loaded = [left(Servo(load_friction=0.2), seed) for seed in range(30, 42)]
-    yield "by load", compare(EQUATION, loaded[-1], current.past(*loaded[:-1]))
+    yield "by load", compare(EQUATION, loaded[-1], past_of(*loaded[:-1]))
     warm = [current.flight(seed, 0.05 - 2e-4 * seed, warmth=20.0 + seed) for seed in range(24)]
-    yield "warm", compare(EQUATION, warm[-1], current.past(*warm[:-1]))
+    yield "warm", compare(EQUATION, warm[-1], past_of(*warm[:-1]))
 
 
 def test_of_a_servos_own_flights() -> None:

@@ -28,18 +28,8 @@ def moments(count: int = 400, *, friction: float = 0.1, seed: int = 1) -> Array:
     speed, load, slope, angle = random.normal(size=(4, count))
     current = friction * np.sign(speed) + 0.2 * load + 0.03 * speed + 0.05 * slope
     gap = 0.3 + 0.1 * np.sign(current)
-    made = {
-        "1": np.ones(count),
-        "way": np.sign(speed),
-        "V3": 10 * angle,
-        "V4": 20 * current + 5 * speed + 0.5,
-        "V5": current,
-        "V7": speed,
-        "slope": slope,
-        "V11": load,
-        "gap": gap,
-        "flank": np.sign(current),
-    }
+    made = {"1": np.ones(count), "way": np.sign(speed), "flank": np.sign(current), "gap": gap, "slope": slope}
+    made |= {"V3": 10 * angle, "V4": 20 * current + 5 * speed + 0.5, "V5": current, "V7": speed, "V11": load}
     return np.stack([made[name] for name in MOMENTS], axis=1)
 
 
@@ -123,15 +113,7 @@ def test_what_is_not_measured_is_missing_and_what_stands_is_zero() -> None:
 def test_a_window_is_asked_where_it_moves_both_ways_or_stays_behind_its_command() -> None:
     samples = moments(40)
     one_way = samples[samples[:, 1] > 0]
-    rows = np.stack(
-        [
-            slot(samples),
-            slot(samples[:19]),
-            slot(one_way),
-            slot(samples[:0], commanded=10.0, flown=1.0),
-            slot(samples[:0], commanded=4.0, flown=0.0),
-            slot(samples[:0], commanded=10.0, flown=9.0),
-        ]
-    )
+    held = [slot(samples[:0], commanded=by, flown=to) for by, to in ((10.0, 1.0), (4.0, 0.0), (10.0, 9.0))]
+    rows = np.stack([slot(samples), slot(samples[:19]), slot(one_way), *held])
     assert rows.shape == (6, SUMS)
     assert shows_something(rows).tolist() == [True, False, False, True, False, False]

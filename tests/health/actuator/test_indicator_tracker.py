@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from mavhums.core.conditions import Condition
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.actuator.indicator_tracker import IndicatorTracker, evidence_of, indicator_of, suspect_of
+from mavhums.health.decision.conditions import IndicatorChange
 from mavhums.health.decision.limits import Estimates, Levels
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.least_squares import Fit
@@ -21,15 +20,6 @@ from tests.present import present
 
 NOTHING: Mapping[str, Fit] = {}
 ERROR = 0.01
-
-
-class Changed(NamedTuple):
-    """A change of the condition, and the window that causes it."""
-
-    window: int
-    condition: Condition
-    since_s: float
-    rule: str
 
 
 class Wear(Detector):
@@ -69,25 +59,22 @@ def tracker(detector: Wear | None = None) -> IndicatorTracker:
 
 
 def follow(
-    followed: IndicatorTracker, values: Sequence[float], start_s: float = 0.0, error: float = ERROR
-) -> list[Changed]:
-    """Feed windows of 10 s that end a second after one another; return the changes."""
+    followed: IndicatorTracker, values: Sequence[float], start_s: float = 0.0
+) -> dict[int, IndicatorChange]:
+    """Feed windows of 10 s that end a second after one another; return the changes by their windows."""
     array = np.array(values, dtype=float)
     end_s = start_s + 10.0 + np.arange(array.size, dtype=np.float64)
-    estimates = Estimates(array, np.full(array.size, error), np.full(array.size, 9.0))
-    return [Changed(k, *change) for k, change in followed.feed(estimates, end_s).items()]
-
-
-def changed(changes: Sequence[Changed]) -> list[tuple[int, Condition, float]]:
-    return [(change.window, change.condition, change.since_s) for change in changes]
+    estimates = Estimates(array, np.full(array.size, ERROR), np.full(array.size, 9.0))
+    return {**followed.feed(estimates, end_s)}
 
 
 def test_a_tracker_decides_and_says_from_which_window_on_and_since_when() -> None:
     followed = tracker()
     changes = follow(followed, [0.2] * 30 + [0.7] * 20 + [1.2] * 20)
-    assert changed(changes) == [(0, "normal", 0.0), (30, "degraded", 35.0), (52, "emergency", 55.0)]
-    assert changes[1].rule == "degraded: wear reliably above 0.5 mm, with ≤ 1 false alarm per 100 h"
-    assert changes[2].rule == "emergency: interval of wear reaches 1 mm, with ≤ 1 false alarm per 100 h"
+    onsets = {k: (change.condition, change.since_s) for k, change in changes.items()}
+    assert onsets == {0: ("normal", 0.0), 30: ("degraded", 35.0), 52: ("emergency", 55.0)}
+    assert changes[30].rule == "degraded: wear reliably above 0.5 mm, with ≤ 1 false alarm per 100 h"
+    assert changes[52].rule == "emergency: interval of wear reaches 1 mm, with ≤ 1 false alarm per 100 h"
     assert (followed.decision.condition, followed.decision.since_s) == ("emergency", 55.0)
 
 
@@ -118,12 +105,12 @@ def test_two_sides_count_alike() -> None:
     for sign in (1.0, -1.0):
         followed = tracker(Bias())
         changes = follow(followed, [0.1 * sign] * 30 + [0.7 * sign] * 30)
-        assert [change.condition for change in changes] == ["normal", "degraded"]
+        assert [change.condition for change in changes.values()] == ["normal", "degraded"]
         suspect = present(suspect_of(followed))
         assert suspect.confidence > 0.99
         assert evidence_of(followed)[0].value == pytest.approx(0.7)
     below = tracker(Wear())
-    assert [change.condition for change in follow(below, [-0.7] * 30)] == ["normal"]
+    assert [change.condition for change in follow(below, [-0.7] * 30).values()] == ["normal"]
 
 
 def test_each_second_is_counted_once_in_the_scatter() -> None:

@@ -39,24 +39,19 @@ def test_a_profile_changes_the_limits_it_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("axes", "said", "remedy"),
+    ("axes", "said"),
     [
-        ("effectiveness = 0.5", "own.toml:3: axes.effectiveness: no such key", "did you mean effectiveness_"),
-        (
-            "effectiveness_emergency = 0.9",
-            "own.toml:2: axes: effectiveness_emergency must lie below",
-            "paper",
-        ),
-        ("effectiveness_degraded = 1.5", "own.toml:3: axes.effectiveness_degraded", "mend the value 1.5"),
-        ("lag_s = 0.0", "own.toml:3: axes.lag_s", "mend the value 0.0"),
-        ("lag_s = nan", "own.toml:3: axes.lag_s", "mend the value nan"),
-        ("trim_deviations = 1", "own.toml:3: axes.trim_deviations", "mend the value 1"),
+        ("effectiveness = 0.5", r"own.toml:3: axes.effectiveness: no such key"),
+        ("effectiveness_emergency = 0.9", r"own.toml:2: axes: effectiveness_emergency must lie below"),
+        ("effectiveness_degraded = 1.5", r"own.toml:3: axes.effectiveness_degraded"),
+        ("lag_s = 0.0", r"own.toml:3: axes.lag_s"),
+        ("lag_s = nan", r"own.toml:3: axes.lag_s"),
+        ("trim_deviations = 1", r"own.toml:3: axes.trim_deviations"),
     ],
 )
-def test_a_wrong_limit_is_named_with_its_line(tmp_path: Path, axes: str, said: str, remedy: str) -> None:
-    with pytest.raises(ProfileError, match=re.escape(said)) as raised:
+def test_a_wrong_limit_is_named_with_its_line(tmp_path: Path, axes: str, said: str) -> None:
+    with pytest.raises(ProfileError, match=re.escape(said)):
         load_airframe(profile(tmp_path, axes))
-    assert remedy in str(raised.value.remedy)
 
 
 @pytest.mark.parametrize(("limit", "condition"), [(0.65, "emergency"), (0.3, "degraded")])

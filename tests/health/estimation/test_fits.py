@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.health.estimation.equations import Fits
-from mavhums.health.estimation.least_squares import Fit
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from tests.health.flown import actuator_of, flown, telemetry
@@ -20,30 +19,17 @@ from tests.present import present
 
 Array = NDArray[np.float64]
 NAMES = ("torque", "voltage", "gear")
+SHOWN = ("count", "filled", "coefficients")
 SECONDS = 100.0
 MOST_PARTS = 32
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a fit says."""
-
-    count: Array
-    filled: NDArray[np.int64]
-    coefficients: Array
-    errors: Array
-
-    @classmethod
-    def of(cls, fit: Fit) -> Found:
-        return cls(*(np.array(getattr(fit, field.name)) for field in fields(cls)))
 
 
 class Fed(NamedTuple):
     """What was fitted after each block: the windows', the flight's so far, and the whole flight's."""
 
-    windows: dict[str, list[Found]]
-    sofar: dict[str, list[Found]]
-    whole: dict[str, list[Found]]
+    windows: dict[str, list[SimpleNamespace]]
+    sofar: dict[str, list[SimpleNamespace]]
+    whole: dict[str, list[SimpleNamespace]]
 
 
 def fed(places: Iterable[int]) -> Fed:
@@ -59,11 +45,12 @@ def fed(places: Iterable[int]) -> Fed:
         windows, sofar = fits.feed(slots, motion(actuator, slots))
         for part, found in zip(out, (windows, sofar, fits.whole()), strict=True):
             for name in NAMES:
-                part.setdefault(name, []).append(Found.of(found[name]))
+                told = {key: np.array(getattr(found[name], key)) for key in SHOWN}
+                part.setdefault(name, []).append(SimpleNamespace(**told))
     return out
 
 
-def joined(found: list[Found], attribute: str) -> Array:
+def joined(found: list[SimpleNamespace], attribute: str) -> Array:
     return np.concatenate([getattr(one, attribute) for one in found])
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator, load_airframe
 from mavhums.core.quantities import column
+from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import CURRENT
 from mavhums.health.estimation.flight_sums import KEPT, OwnSums
@@ -83,6 +84,11 @@ def collected(
     for slots in filter(None, [*pieces, cutter.finish()]):
         collector.feed(slots)
     return collector.record()
+
+
+def past(*records: OwnRecord, healthy: bool = True) -> list[PastRecord]:
+    """Return earlier flights, one a day."""
+    return [PastRecord((record,), f"2026-03-{k:02d}", healthy) for k, record in enumerate(records, 1)]
 
 
 def voltage(

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import TWO_WAYS
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.past import compared, differences
 from mavhums.results.verdict import OwnRecord
-from tests.health.self_baseline.servo import EQUATION, Servo, left, scaled
+from tests.health.self_baseline.servo import EQUATION, Servo, left, past, scaled
 from tests.present import present
 
 BY_ACTIVITY = replace(EQUATION, by_activity=True)
@@ -32,7 +31,7 @@ def flown(seed: int, friction_a: float = 0.05) -> OwnRecord:
 
 
 RECORDS = [flown(seed) for seed in range(14)]
-PAST = [PastRecord((record,), "2026-03-01", True) for record in RECORDS]
+PAST = past(*RECORDS)
 
 
 def test_what_the_activity_explains_is_no_scatter() -> None:
@@ -50,16 +49,15 @@ def test_flights_beyond_the_activity_of_the_others_make_a_baseline_of_their_own(
     def at(seed: int, times: float, friction_a: float = 0.05) -> OwnRecord:
         return lively(left(Servo(inertia=0.0, friction_a=friction_a), seed, seconds=60.0), times)
 
-    past = [*PAST, *(PastRecord((flown(30 + k),), "2026-03-02", True) for k in range(6))]
+    before = [*PAST, *past(*(flown(30 + k) for k in range(6)))]
     for times, word in ((5.0, "rougher"), (0.2, "calmer")):
-        first = compare(BY_ACTIVITY, at(40, times), past)
+        first = compare(BY_ACTIVITY, at(40, times), before)
         assert (first.condition, first.flights) == ("learning", 1)
         assert first.why == f"it was {word} than the flights of the first baseline"
-        others = [at(50 + k, times) for k in range(12)]
-        both = [*past, *(PastRecord((record,), "2026-04-01", True) for record in others)]
+        both = [*before, *past(*(at(50 + k, times) for k in range(12)))]
         assert compare(BY_ACTIVITY, at(41, times), both).condition == "unchanged"
         assert compare(BY_ACTIVITY, at(42, times, 0.08), both).condition == "changed"
-        assert compare(BY_ACTIVITY, RECORDS[0], both) == compare(BY_ACTIVITY, RECORDS[0], past)
+        assert compare(BY_ACTIVITY, RECORDS[0], both) == compare(BY_ACTIVITY, RECORDS[0], before)
     assert compare(EQUATION, lively(RECORDS[0], 5.0), PAST).condition != "learning"
 
 
@@ -83,22 +81,20 @@ def test_the_first_twenty_healthy_flights_are_the_baseline_and_those_after_the_l
         fast: {"rate_hz": own.rate_hz * 1.25},
         11: {"groups": own.groups[:1]},
     }
-    past = [
-        PastRecord((own.model_copy(update=changes.get(k, {})),), f"{k}", healthy=k != sick)
-        for k in range(1, 31)
-    ]
-    reference, after = compared(EQUATION, own, past)
+    records = past(*(own.model_copy(update=changes.get(k, {})) for k in range(1, 31)))
+    records[sick - 1] = records[sick - 1]._replace(healthy=False)
+    reference, after = compared(EQUATION, own, records)
     left_out = {sick, other, slow, 11}
     numbers = [k for k in range(1, 31) if k not in left_out]
     assert [number for number, _, _ in reference] == numbers[:20]
     later = [(number, date) for number, date, _ in after]
-    assert later == [(k, f"{k}") for k in reversed(numbers[20:])], "the latest first"
+    assert later == [(k, records[k - 1].date) for k in reversed(numbers[20:])], "the latest first"
     # Until there are twenty, only what comes after the last healthy one is judged.
-    unsound = [one._replace(healthy=k in (1, 2)) for k, one in enumerate(past, 1)]
+    unsound = [one._replace(healthy=k in (1, 2)) for k, one in enumerate(records, 1)]
     reference, after = compared(EQUATION, own, unsound)
     assert [number for number, _, _ in reference] == [1, 2]
     assert {number for number, _, _ in after} == {*range(3, 31)} - {other, slow, 11}
-    none = [one._replace(healthy=False) for one in past]
+    none = [one._replace(healthy=False) for one in records]
     assert len([*compared(EQUATION, own, none)[1]]) == 27
 
 

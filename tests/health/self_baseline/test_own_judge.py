@@ -16,12 +16,8 @@ from mavhums.health.self_baseline.comparison import compare
 from mavhums.health.self_baseline.verdict import compare_with_own_flights, comparison_reason
 from mavhums.results.verdict import OwnRecord
 from tests.health.builders import verdict
-from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left, scaled
+from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left, past, scaled
 from tests.present import present
-
-
-def past(*records: OwnRecord, healthy: bool = True) -> list[PastRecord]:
-    return [PastRecord((record,), f"2026-03-{k + 1:02d}", healthy) for k, record in enumerate(records)]
 
 
 def flight(seed: int, friction_a: float = 0.05, warmth: float | None = None) -> OwnRecord:

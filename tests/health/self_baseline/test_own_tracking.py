@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.core.quantities import KEYS
-from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.own_scale import LAG, TRACKING
 from mavhums.health.estimation.flight_sums import OwnSums
 from mavhums.health.estimation.wear import wear
@@ -25,7 +24,7 @@ from mavhums_sim.telemetry import write_tlog
 from tests.conftest import Run
 from tests.health.builders import samples
 from tests.health.flown import flown
-from tests.health.self_baseline.servo import blank, collected
+from tests.health.self_baseline.servo import blank, collected, past
 from tests.present import present
 
 
@@ -39,11 +38,11 @@ def left(seed: int, *conditions: Condition) -> OwnRecord:
 @pytest.mark.slow
 def test_a_weak_supply_is_changed_against_the_servos_own_flights() -> None:
     """At 20 V of 27 V lost the shaft falls behind now and then, at 24 V all the time."""
-    past = [PastRecord((left(7100 + k),), "2026-01-01", True) for k in range(20)]
-    assert compare(TRACKING, left(7200), past).condition == "unchanged"
+    before = past(*(left(7100 + k) for k in range(20)))
+    assert compare(TRACKING, left(7200), before).condition == "unchanged"
     for lost_v in (20.0, 22.0, 24.0):
         weak = left(7200, Condition.constant("supply_sag", lost_v))
-        assert compare(TRACKING, weak, past).condition == "changed"
+        assert compare(TRACKING, weak, before).condition == "changed"
 
 
 @given(st.floats(0.02, 0.3), st.floats(0.0, 1.5), st.floats(3.0, 20.0))

@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
-from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.equations.own_scale import RIPPLE, ROUGHNESS, TWO_WAYS
 from mavhums.health.estimation.strokes import StrokeSums
 from mavhums.health.self_baseline.comparison import compare
 from mavhums.results.verdict import OwnRecord
 from tests.health.builders import one_slot, samples
-from tests.health.self_baseline.servo import blank, collected
+from tests.health.self_baseline.servo import blank, collected, past
 from tests.present import present
 
 RATE_HZ = 25.0
@@ -98,14 +97,10 @@ def test_memory_does_not_grow_with_the_flight() -> None:
 
 @pytest.mark.parametrize("equation", [ROUGHNESS, TWO_WAYS])
 def test_a_rise_is_changed_and_a_healthy_flight_is_not(equation: OwnEquation) -> None:
-    past = [
-        PastRecord((record,), f"2026-03-{seed + 1:02d}", healthy=True)
-        for seed in range(20)
-        if (record := left(swept(100 + seed), equation))
-    ]
+    before = past(*(present(left(swept(100 + seed), equation)) for seed in range(20)))
     # Fewer strokes scatter more than those of the baseline.
     flights = swept(200), swept(200, rough=0.4, friction=0.45), swept(201, sweeps=4)
-    found = [compare(equation, present(left(flight, equation)), past).condition for flight in flights]
+    found = [compare(equation, present(left(flight, equation)), before).condition for flight in flights]
     assert found == ["unchanged", "changed", "learning"]
 
 
@@ -157,10 +152,9 @@ def test_a_load_the_other_way_is_another_baseline() -> None:
     def at(seed: int, way: float) -> OwnRecord:
         return present(left(swept(seed, load=way * 0.2, friction=0.3 + 0.1 * (way < 0.0)), TWO_WAYS))
 
-    def past(*ways: float) -> list[PastRecord]:
-        return [PastRecord((at(300 + k, way),), f"2026-03-{k + 1:02d}", True) for k, way in enumerate(ways)]
-
-    one_way, both = past(*[1.0] * 14), past(*[1.0, -1.0] * 7)
+    one_way, both = (
+        past(*(at(300 + k, way) for k, way in enumerate(ways))) for ways in ([1.0] * 14, [1.0, -1.0] * 7)
+    )
     assert compare(TWO_WAYS, at(400, 1.0), one_way).condition == "unchanged"
     found = compare(TWO_WAYS, at(400, -1.0), one_way)
     assert (found.condition, found.flights, "loaded the other way" in found.why) == ("learning", 1, True)

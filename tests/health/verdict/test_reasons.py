@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from mavhums.actuator.telemetry import tier_named
 from mavhums.health.axis.findings import AxisFindings
+from mavhums.health.axis.monitor import AxisMonitor
 from mavhums.health.verdict.axis import (
     _candidates,
     named_by_telemetry,
@@ -21,11 +22,11 @@ from mavhums.health.verdict.axis import (
 )
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.reasons import Reason
-from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import Candidate, Coverage, Evidence, Interval, Verdict
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
+from tests.health.builders import verdict
 
 PLANE, COPTER, STATION, ROVER, VTOL = 1, 2, 6, 10, 22
 HEARD = {"outputs", "attitude", "rates", "force", "airspeed"}
@@ -35,24 +36,11 @@ def flight(**changes: Any) -> Any:
     """Return what the reasons ask of a flight: a healthy one of five minutes, but for the changes."""
     lasted = changes.pop("lasted", {})
     rates = changes.pop("rates", {"outputs": 10.0, "rates": 25.0})
-    return SimpleNamespace(
-        **{
-            "kinds": {PLANE},
-            "autopilots": {3},
-            "parameters": (),
-            "heard": HEARD,
-            "on_ground": False,
-            "steers": False,
-            "by_receiver": (),
-            "flown_s": 300,
-            "doubted_s": 0,
-            "settled_s": 300,
-            "fastest": 20.0,
-            "lasted_s": lambda what: lasted.get(what, 0.0),
-            "rate_hz": rates.get,
-        }
-        | changes
-    )
+    told = {"kinds": {PLANE}, "autopilots": {3}, "parameters": (), "heard": HEARD, "by_receiver": ()}
+    moved = {"on_ground": False, "steers": False, "fastest": 20.0}
+    seconds = {"flown_s": 300, "doubted_s": 0, "settled_s": 300}
+    asked = {"lasted_s": lambda what: lasted.get(what, 0.0), "rate_hz": rates.get}
+    return SimpleNamespace(**(told | moved | seconds | asked | changes))
 
 
 def why(*arguments: Any, **changes: Any) -> tuple[Reason, ...]:
@@ -128,26 +116,9 @@ def reference(error: float = 0.01, apart: float = 0.05) -> Any:
 
 
 def findings(axis: str = "roll", **changes: Any) -> AxisFindings:
-    return replace(
-        AxisFindings(
-            axis=axis,
-            condition="undecided",
-            worst="undecided",
-            since_s=None,
-            coverage=Coverage(moving_fraction=0.1, windows=100, decidable=10),
-            suspects=(),
-            evidence=(),
-            effectiveness=None,
-            doubt=None,
-            windows=0,
-            reference=None,
-            best=None,
-            usable_s=300,
-            spacing_s=0.1,
-            limits=AxisLimits(),
-        ),
-        **changes,
-    )
+    coverage = Coverage(moving_fraction=0.1, windows=100, decidable=10)
+    known = replace(AxisMonitor(1).findings("roll"), axis=axis, coverage=coverage)
+    return replace(known, **({"usable_s": 300, "spacing_s": 0.1} | changes))
 
 
 def undecided(one: AxisFindings, surfaces: Surfaces | None = KNOWN, **changes: Any) -> list[Reason]:
@@ -265,10 +236,8 @@ def test_streams_out_of_order_are_told_last() -> None:
 
 def test_a_reference_without_a_verdict() -> None:
     kept, doubt = (Interval(estimate=k, low=k - 0.1, high=k + 0.2) for k in (0.7, 0.6))
-    known, seen = (
-        findings(reference=reference(), effectiveness=kept),
-        {"moving_fraction": 0.1, "windows": 100},
-    )
+    known = findings(reference=reference(), effectiveness=kept)
+    seen = {"moving_fraction": 0.1, "windows": 100}
     excluded = "a loss of 40 % or more is excluded over"
     of = "of the 100 s since the reference, 30 are needed"
     for counted, doubtful, reason in (
@@ -331,20 +300,18 @@ def test_of_two_mixed_surfaces_one_is_named_if_it_is_nearly_certain(
 def test_the_candidate_whose_servo_alone_shows_a_fault_comes_first(
     worst: tuple[Any, Any, Any], order: tuple[int, int], told: bool
 ) -> None:
-    def verdict(actuator: str, worst: Any, *candidates: Candidate) -> Verdict:
-        return Verdict(vehicle=1, actuator=actuator, condition=worst, worst=worst, candidates=candidates)
-
     airframe: Any = SimpleNamespace(actuators=[SimpleNamespace(name=f"s{k}", servo=k) for k in (1, 2, 3)])
     both = [Candidate(surface=f"surface {k}", servo=k, probability=0.5, because="it fits") for k in (1, 2)]
-    servos = [verdict(f"s{k}", one) for k, one in enumerate(worst, start=1)]
-    [found] = named_by_telemetry([verdict("roll", "degraded", *both)], servos, airframe)
+    servos = [verdict(one, actuator=f"s{k}") for k, one in enumerate(worst, start=1)]
+    axis = verdict("degraded", actuator="roll", candidates=tuple(both))
+    [found] = named_by_telemetry([axis], servos, airframe)
     assert tuple(one.servo for one in found.candidates) == order
     if told:
         assert [one.because for one in found.candidates] == ["its servo's telemetry shows a fault", None]
         assert {one.probability for one in found.candidates} == {None}
     else:
         assert list(found.candidates) == both
-    [found] = named_by_telemetry([verdict("roll", "degraded", *both)], servos, None)
+    [found] = named_by_telemetry([axis], servos, None)
     assert list(found.candidates) == both
 
 
