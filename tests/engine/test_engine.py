@@ -381,19 +381,20 @@ def test_without_the_load_torque_the_network_that_does_not_need_it_votes(
     assert elevator.latest == "friction_emergency"
 
 
-def test_an_integrated_angle_of_the_rotor_is_given_to_no_network() -> None:
+def test_an_integrated_angle_of_the_rotor_is_given_to_no_network(models: tuple[Model, ...]) -> None:
     """Beside a measured V3 it drifts, and a healthy elevator had a grave friction by it."""
     record = fly(Flight(seed=24, duration_s=40.0, rate_hz=25.0, cyclogram="gusts"))
     for actuator in record.actuators.values():
         actuator.values[:, [1, 10]] = float("nan")  # V2, V11
-    networks = [one.network for one in judge_records(packed(record)).verdicts if one.subject == "actuator"]
+    verdicts = judge_records(packed(record), models=models).verdicts
+    networks = [one.network for one in verdicts if one.subject == "actuator"]
     assert {(present(one).model.name, present(one).says) for one in networks} == {("paper-esc", "normal")}
 
 
-def test_without_a_command_no_network_of_windows_takes_it_for_zero() -> None:
+def test_without_a_command_no_network_of_windows_takes_it_for_zero(models: tuple[Model, ...]) -> None:
     """ESCs alone: what is flown by degree commanded is no 0, by which healthy actuators had a weak supply."""
     record = fly(Flight(seed=24, duration_s=30.0, rate_hz=25.0, tiers=("esc-signed",)))
-    verdicts = judge_records(packed(record)).verdicts
+    verdicts = judge_records(packed(record), models=models).verdicts
     assert [(one.condition, one.network) for one in verdicts if one.subject == "actuator"] == [
         ("normal", None)
     ] * 4
