@@ -99,9 +99,7 @@ RUNS: dict[str, list[Small]] = {
     ],
     "motors": [
         Small(
-            "--faults 1 --hours 0.1",
-            {"LOSSES": (1.0, 0.3)},
-            {"| lost thrust": Cells(labels=2, factor=4.0)},
+            "--faults 1 --hours 0.1", {"LOSSES": (1.0, 0.3)}, {"| lost thrust": Cells(labels=2, factor=4.0)}
         )
     ],
     "unbalance": [Small("--craft 1", SHAKEN, {"| samples": Cells(labels=2)})],

@@ -12,8 +12,7 @@ from mavhums import analyse
 from mavhums.app.analysis import analyse_alone
 from mavhums.app.settings import Options
 from mavhums.cli.main import cli
-from mavhums.flights.compare import compared, packed, unpacked
-from mavhums.health.decision.baseline import Baseline
+from mavhums.flights.compare import packed, unpacked
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from tests.engine.test_axes import flown
@@ -65,7 +64,6 @@ def test_a_loss_from_the_start_is_found_against_the_history(folder: Path) -> Non
     assert verdict.effectiveness.estimate == pytest.approx(0.5, abs=0.06)
     assert verdict.effectiveness.low < 0.5 < verdict.effectiveness.high
     assert verdict.suspects[0].fault == "effectiveness"
-    assert "50 % of" in verdict.evidence[0].rule or "51 % of" in verdict.evidence[0].rule
     assert "6 earlier flights" in verdict.evidence[0].rule
 
 
@@ -124,15 +122,10 @@ def test_the_limits_are_those_of_the_profile(tmp_path: Path) -> None:
     assert verdict.limits.effectiveness_emergency == 0.3
 
 
-def test_what_a_store_keeps_of_a_flight_says_the_same(folder: Path) -> None:
+def test_a_flight_of_an_axis_comes_back_from_its_bytes(folder: Path) -> None:
     alone = analyse_alone(log(folder, 35, gain=1.1), Options().resolved())
-    baselines = {
-        (1, "roll", fault): Baseline(mean, 0.02 * mean, 12, 0.03 * mean, 0.05 * mean)
-        for fault, mean in (("effectiveness", 0.122), ("slow", 0.1), ("hard_over", 0.01))
-    }
-    later = compared(unpacked(packed(alone)), lambda *_: baselines)
-    assert later == compared(alone, lambda *_: baselines)
-    assert roll(later).condition == "emergency"
+    assert roll(alone.assessment).indicators
+    assert unpacked(packed(alone)) == alone
 
 
 def test_trend_shows_the_axes(folder: Path) -> None:

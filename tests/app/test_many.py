@@ -234,16 +234,7 @@ def test_the_processes_end_with_a_command_that_is_killed(busy: subprocess.Popen[
 
 @pytest.mark.slow
 def test_analyse_loads_nothing_heavy_that_it_does_not_need(logs: list[Path]) -> None:
-    heavy = {
-        "torch",
-        "sklearn",
-        "pandas",
-        "pyarrow",
-        "distributed",
-        "sqlalchemy",
-        "rerun",
-        "scipy.stats",
-    }
+    heavy = {"torch", "sklearn", "pandas", "pyarrow", "distributed", "sqlalchemy", "rerun", "scipy.stats"}
     code = (
         "import sys\nfrom mavhums.cli.main import main\n"
         f"sys.argv[1:] = ['analyse', {str(logs[0])!r}]\n"

@@ -27,36 +27,25 @@ KINDS = ("healthy", "wear", "jam", "backlash", "silent", "several", "short")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("replay")
 
-    def log(name: str, seed: int, *, seconds: float = 30.0, **given: object) -> Path:
-        path = folder / f"{name}.tlog"
-        flight = Flight(seed, seconds, rate_hz=25.0, tiers=("instrumented",), **given)  # type: ignore[arg-type]
-        write_tlog(fly(flight), path)
-        return path
-
-    made = {
-        "healthy": log("healthy", 1, seconds=60.0),
-        "wear": log("wear", 2, friction_nm={"elevator": (0.2, 1.2), "rudder": (0.3, 0.5)}),
-        "jam": log("jam", 3, conditions={"elevator": (Condition.step("jam", 5.0, 12.0),)}),
-        "backlash": log(
-            "backlash",
-            4,
-            parameters=TWO_MASSES,
-            conditions={"elevator": (Condition.step("backlash", 3.0, 10.0),)},
-        ),
-        "short": log("short", 5, seconds=11.0),
-    }
-    silent, several = folder / "silent.tlog", folder / "several.tlog"
-    frames = [*records(made["healthy"].read_bytes())]
-    debug, start = 350, frames[0][0]
-    silent.write_bytes(
-        b"".join(
-            time.to_bytes(8, "big") + frame
-            for time, frame in frames
-            if int.from_bytes(frame[7:10], "little") != debug or time < start + 25_000_000
-        )
+    jam, backlash = (
+        {"elevator": (Condition.step(*fault),)} for fault in (("jam", 5.0, 12.0), ("backlash", 3.0, 10.0))
     )
-    several.write_bytes(joined(made["wear"].read_bytes(), made["backlash"].read_bytes()))
-    return made | {"silent": silent, "several": several}
+    flights = {
+        "healthy": Flight(1, 60.0),
+        "wear": Flight(2, 30.0, {"elevator": (0.2, 1.2), "rudder": (0.3, 0.5)}),
+        "jam": Flight(3, 30.0, conditions=jam),
+        "backlash": Flight(4, 30.0, conditions=backlash, parameters=TWO_MASSES),
+        "short": Flight(5, 11.0),
+    }
+    made = {kind: folder / f"{kind}.tlog" for kind in KINDS}
+    for kind, flight in flights.items():
+        write_tlog(fly(replace(flight, rate_hz=25.0, tiers=("instrumented",))), made[kind])
+    frames = [*records(made["healthy"].read_bytes())]
+    debug, end = 350, frames[0][0] + 25_000_000
+    heard = [one for one in frames if int.from_bytes(one[1][7:10], "little") != debug or one[0] < end]
+    made["silent"].write_bytes(b"".join(time.to_bytes(8, "big") + frame for time, frame in heard))
+    made["several"].write_bytes(joined(made["wear"].read_bytes(), made["backlash"].read_bytes()))
+    return made
 
 
 @pytest.fixture(scope="module")

@@ -125,11 +125,7 @@ def test_a_signal_ends_programs_that_wait_for_others(
     programs = {}
     try:
         for command in commands:
-            streams = {
-                "stdin": subprocess.DEVNULL,
-                "stdout": subprocess.DEVNULL,
-                "stderr": subprocess.DEVNULL,
-            }
+            streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
             if BLOCKED[command]:
                 streams[BLOCKED[command]] = reading if BLOCKED[command] == "stdin" else full
             programs[command] = subprocess.Popen(

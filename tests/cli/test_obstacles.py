@@ -160,8 +160,7 @@ def test_examples_complain_of_a_log_without_telemetry(
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["analyse_a_log", "follow_udp", "own_recording", "quantities_to_pandas", "wear_over_flights"],
+    "name", ["analyse_a_log", "follow_udp", "own_recording", "quantities_to_pandas", "wear_over_flights"]
 )
 def test_examples_without_an_argument_say_how_they_are_called(
     name: str, monkeypatch: pytest.MonkeyPatch

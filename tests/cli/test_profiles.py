@@ -42,23 +42,15 @@ def px4(**values: float) -> list[Any]:
     return [*sent, heartbeat(12)]
 
 
-PLANE = {
-    "SERVO1_FUNCTION": 4,
-    "SERVO1_MIN": 1100,
-    "SERVO1_TRIM": 1520,
-    "SERVO1_MAX": 1900,
-    "SERVO2_FUNCTION": 19,
-    "SERVO2_REVERSED": 1,
-    "SERVO3_FUNCTION": 70,
-    "SERVO4_FUNCTION": 4,
-    "SERVO4_MIN": 1000,
-    "SERVO4_TRIM": 990,
-    "SERVO4_MAX": 2000,
-    "SERVO5_FUNCTION": 33,
-    "SERVO6_FUNCTION": 79,
-    "SERVO6_MIN": 1900,
-    "SERVO6_MAX": 1100,
-}
+SERVOS: list[dict[str, float]] = [
+    {"FUNCTION": 4, "MIN": 1100, "TRIM": 1520, "MAX": 1900},
+    {"FUNCTION": 19, "REVERSED": 1},
+    {"FUNCTION": 70},
+    {"FUNCTION": 4, "MIN": 1000, "TRIM": 990, "MAX": 2000},
+    {"FUNCTION": 33},
+    {"FUNCTION": 79, "MIN": 1900, "MAX": 1100},
+]
+PLANE = {f"SERVO{k}_{name}": value for k, one in enumerate(SERVOS, 1) for name, value in one.items()}
 
 
 def drafted(text: str, tmp_path: Path) -> tuple[Actuator, ...]:
@@ -89,23 +81,10 @@ def test_a_draft_names_the_control_surfaces_of_ardupilot(tmp_path: Path) -> None
 
 
 def test_a_draft_decodes_the_integers_of_px4(tmp_path: Path) -> None:
-    log = write_log(
-        tmp_path / "px4.tlog",
-        px4(
-            PWM_MAIN_FUNC1=201,
-            PWM_MAIN_MIN1=1050,
-            PWM_MAIN_MAX1=1950,
-            PWM_MAIN_FUNC2=101,
-            PWM_MAIN_FUNC3=202,
-            PWM_MAIN_FUNC4=203,
-            PWM_MAIN_FUNC5=204,
-            PWM_MAIN_REV=4,
-            CA_SV_CS0_TYPE=1,
-            CA_SV_CS1_TYPE=3,
-            CA_SV_CS2_TYPE=16,
-            CA_SV_CS0_TRIM=0.1,
-        ),
-    )
+    outputs = {f"PWM_MAIN_FUNC{k}": function for k, function in enumerate((201, 101, 202, 203, 204), 1)}
+    kinds = {f"CA_SV_CS{k}_TYPE": kind for k, kind in enumerate((1, 3, 16))}
+    pulses = {"PWM_MAIN_MIN1": 1050, "PWM_MAIN_MAX1": 1950, "PWM_MAIN_REV": 4}
+    log = write_log(tmp_path / "px4.tlog", px4(**outputs, **kinds, **pulses, CA_SV_CS0_TRIM=0.1))
     text = draft_profile(log, name="my plane")
     assert [(a.name, a.servo, a.pwm_us) for a in drafted(text, tmp_path)] == [
         ("left_aileron", 1, (1050, 1500, 1950)),

@@ -13,7 +13,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.statistics import NORMAL_95
 from mavhums.health.actuator.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline
-from mavhums.results.sections import ModelSummary, NetworkAnswer
+from mavhums.results.sections import NetworkAnswer
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Suspect, Verdict
 from tests.health import builders
 from tests.health.builders import indicator
@@ -96,19 +96,7 @@ def test_what_is_no_evidence_beside_earlier_flights() -> None:
     assert not departs(judged(shown(0.3), condition="emergency", evidence=(jam,)))
     silent = judged(shown(0.3), condition="undecided", reason_codes=("silent",), reason="silent")
     assert (silent.condition, silent.worst, silent.reason) == ("undecided", "degraded", "silent")
-    answer = NetworkAnswer(
-        model=ModelSummary(name="m", hash="0"),
-        inputs={},
-        windows=9,
-        classes={},
-        says="friction_normal",
-        latest="friction_normal",
-        probability=0.9,
-        first_emergency_s=None,
-        share_of_samples=0.0,
-        condition="normal",
-        decides="network",
-    )
+    answer = NetworkAnswer.model_construct(condition="normal", decides="network")
     both = judged(shown(0.3), shown(0.3, fault="backlash"), network=answer)
     assert [item.kind for item in both.evidence] == ["backlash_drift"]
     physics = judged(shown(0.3), network=answer.model_copy(update={"decides": "physics"}))

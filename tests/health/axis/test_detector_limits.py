@@ -10,11 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from mavhums.health.axis.detectors import (
-    AxisInput,
-    EffectivenessDetector,
-    Skids,
-)
+from mavhums.health.axis.detectors import AxisInput, EffectivenessDetector, Skids
 from mavhums.health.axis.reference import Loss, Second
 from mavhums.health.axis.residuals import Deviation
 from mavhums.results.sections import AxisLimits

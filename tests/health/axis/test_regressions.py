@@ -7,15 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mavhums.health.axis.regressions import (
-    FORMS,
-    Basis,
-    Chain,
-    HighPass,
-    Lag,
-    Shape,
-    judgeable,
-)
+from mavhums.health.axis.regressions import FORMS, Basis, Chain, HighPass, Lag, Shape, judgeable
 from mavhums.health.axis.residuals import AttitudeResponse
 from mavhums.vehicle.grid import RATE_HZ
 from tests.health.axis.flights import SPEED, Array, excited, rows, steady, without_level

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta, timezone
 
-from mavhums.health.decision.conditions import (
-    ConditionTracker,
-    Episode,
-    Episodes,
-    IndicatorChange,
-    since,
-)
+from mavhums.health.decision.conditions import ConditionTracker, Episode, Episodes, IndicatorChange, since
 from tests.present import present
 
 

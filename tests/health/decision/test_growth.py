@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from mavhums.health.decision.growth import (
-    Course,
-    course_of,
-    last_step,
-    widening,
-)
+from mavhums.health.decision.growth import Course, course_of, last_step, widening
 from tests.present import present
 
 TREND_FLIGHTS = 8

@@ -9,13 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mavhums.actuator.profile import Actuator, load_airframe
-from mavhums.health.estimation.equations.data_sheet import (
-    GEAR,
-    SUPPLY,
-    TORQUE,
-    TORQUE_PER_SAMPLE,
-    VOLTAGE,
-)
+from mavhums.health.estimation.equations.data_sheet import GEAR, SUPPLY, TORQUE, TORQUE_PER_SAMPLE, VOLTAGE
 from mavhums.health.estimation.equations.interface import load_friction_prior
 from mavhums.health.estimation.motion import Motion
 from tests.health.builders import samples

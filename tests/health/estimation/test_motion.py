@@ -8,14 +8,7 @@ import pytest
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.quantities import MOMENTS, column, products
 from mavhums.health.estimation.motion import angle_speed, central_slope, lasting, motion, window_sums
-from mavhums.health.estimation.slots import (
-    APART,
-    BUS,
-    SENSED,
-    SHAFT,
-    TURNED,
-    with_extra_columns,
-)
+from mavhums.health.estimation.slots import APART, BUS, SENSED, SHAFT, TURNED, with_extra_columns
 from tests.health.builders import one_slot, samples
 
 FAST, SLOW = 2.0, 1.0

@@ -68,12 +68,7 @@ def test_the_mean_load_is_that_in_motion_and_none_of_a_lag() -> None:
 
 @pytest.mark.parametrize(
     ("grams", "information", "shown"),
-    [
-        ([10.0] * 4, 40.0, True),
-        ([9.9] * 4, 39.6, False),
-        ([20.0] * 3, 60.0, False),
-        ([8.0] * 5, 40.0, True),
-    ],
+    [([10.0] * 4, 40.0, True), ([9.9] * 4, 39.6, False), ([20.0] * 3, 60.0, False), ([8.0] * 5, 40.0, True)],
 )
 def test_a_flight_needs_four_parts_and_forty_samples(
     grams: list[float], information: float, shown: bool

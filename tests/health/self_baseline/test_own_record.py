@@ -13,13 +13,7 @@ from mavhums.core.quantities import column
 from mavhums.health.estimation.equations.own_scale import CURRENT, TRACKING
 from mavhums.health.estimation.flight_sums import KEPT, OwnSums
 from mavhums.health.estimation.motor_identification import VoltageSums
-from mavhums.health.estimation.wear import (
-    Nuisances,
-    learned,
-    mean_load,
-    shows,
-    wear,
-)
+from mavhums.health.estimation.wear import Nuisances, learned, mean_load, shows, wear
 from mavhums.results.verdict import OwnRecord
 from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, left
 from tests.present import present

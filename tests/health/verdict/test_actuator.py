@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,6 +11,7 @@ import pytest
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.telemetry import TIERS
 from mavhums.core.conditions import Condition
+from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.verdict.actuator import verdict_of_actuator
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Coverage, Evidence, Interval, OwnRecord, Suspect, Verdict
@@ -31,22 +32,11 @@ def verdict(condition: Condition = "degraded", end_s: float = 100.0, **changes: 
     implausible = changes.pop("implausible", {"V5": (19, 100)})
     provenance = changes.pop("provenance", {"V5": "A.b", "V7": "A.c"})
     actuator = actuator_of().model_copy(update=changes.pop("actuator", {}))
-    findings: Any = SimpleNamespace(
-        **{
-            "condition": condition,
-            "worst": "emergency",
-            "since_s": 41.23456,
-            "friction": VALUE,
-            "coverage": Coverage(moving_fraction=0.123456, windows=50, decidable=7, late=5),
-            "suspects": (SURE,),
-            "evidence": (FOUND,),
-            "indicators": (SHOWN,),
-            "last_s": 90.0,
-            "own": (OWN,),
-            "no_friction": None,
-        }
-        | changes
-    )
+    seen = Coverage(moving_fraction=0.123456, windows=50, decidable=7, late=5)
+    told: dict[str, Any] = {"evidence": (FOUND,), "indicators": (SHOWN,), "own": (OWN,), "suspects": (SURE,)}
+    told |= {"condition": condition, "worst": "emergency", "since_s": 41.23456, "last_s": 90.0}
+    told |= {"coverage": seen, "friction": VALUE} | changes
+    findings: Any = replace(Monitor(1, actuator).findings(), **told)
     return verdict_of_actuator(
         1, actuator, findings, start_utc=START, end_s=end_s, late=2,
         implausible=implausible, provenance=provenance, tier=TIERS[0],

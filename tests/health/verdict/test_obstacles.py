@@ -23,8 +23,7 @@ def thinned(content: bytes, *, keep: int) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("kind", "parameter"),
-    [("tlog", "SRx_RC_CHAN"), ("dataflash", "LOG_BITMASK"), ("ulog", "SDLOG_PROFILE")],
+    ("kind", "parameter"), [("tlog", "SRx_RC_CHAN"), ("dataflash", "LOG_BITMASK"), ("ulog", "SDLOG_PROFILE")]
 )
 def test_the_remedy_names_the_parameter_of_the_log_s_own_autopilot(kind: str, parameter: str) -> None:
     flight = Wired(seconds=60)

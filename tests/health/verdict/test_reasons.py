@@ -15,11 +15,7 @@ from hypothesis import strategies as st
 from mavhums.actuator.telemetry import tier_named
 from mavhums.health.axis.findings import AxisFindings
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.health.verdict.axis import (
-    _candidates,
-    named_by_telemetry,
-    verdict_of_axis,
-)
+from mavhums.health.verdict.axis import _candidates, named_by_telemetry, verdict_of_axis
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Candidate, Coverage, Evidence, Interval, Verdict
