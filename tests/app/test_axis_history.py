@@ -16,6 +16,7 @@ from mavhums.flights.compare import packed, unpacked
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Verdict
 from tests.engine.test_axes import flown
+from tests.present import present
 
 NAME = "=D-A"
 GAINS = (2.15, 2.3, 2.1, 2.25, 2.2, 2.05)
@@ -58,11 +59,10 @@ def test_a_loss_from_the_start_is_found_against_the_history(folder: Path) -> Non
     assert (alone.condition, alone.worst) == ("unchanged", "unchanged"), "its own reference has lost as much"
     verdict = roll(judged(folder, path))
     assert (verdict.condition, verdict.worst) == ("emergency", "emergency")
-    assert verdict.since is not None
-    assert verdict.since.flight_time_s == 0.0
-    assert verdict.effectiveness is not None
-    assert verdict.effectiveness.estimate == pytest.approx(0.5, abs=0.06)
-    assert verdict.effectiveness.low < 0.5 < verdict.effectiveness.high
+    assert present(verdict.since).flight_time_s == 0.0
+    kept = present(verdict.effectiveness)
+    assert kept.estimate == pytest.approx(0.5, abs=0.06)
+    assert kept.low < 0.5 < kept.high
     assert verdict.suspects[0].fault == "effectiveness"
     assert "6 earlier flights" in verdict.evidence[0].rule
 
@@ -71,8 +71,7 @@ def test_a_healthy_flight_is_normal_beside_its_baseline(folder: Path) -> None:
     verdict = roll(judged(folder, log(folder, 31, gain=2.12)))
     assert (verdict.condition, verdict.worst) == ("normal", "normal")
     gain = next(one for one in verdict.indicators if one.fault == "effectiveness")
-    assert gain.baseline is not None
-    assert gain.baseline.low < gain.value.estimate < gain.baseline.high
+    assert present(gain.baseline).low < gain.value.estimate < present(gain.baseline).high
     assert (gain.baseline_flights, gain.needed_flights) == (6, 5)
 
 
@@ -88,8 +87,7 @@ def test_a_loss_in_the_flight_stays_one_finding(folder: Path) -> None:
     verdict = roll(judged(folder, path))
     assert verdict.condition == "emergency"
     assert [one.kind for one in verdict.evidence].count("effectiveness") == 1
-    assert verdict.since is not None
-    assert verdict.since.flight_time_s > 60
+    assert present(verdict.since).flight_time_s > 60
 
 
 def test_four_flights_are_no_baseline(folder: Path, tmp_path: Path) -> None:
@@ -118,8 +116,7 @@ def test_the_limits_are_those_of_the_profile(tmp_path: Path) -> None:
         analyse(log(tmp_path, day, gain=gain), options, keep=True)
     verdict = roll(analyse(log(tmp_path, 30, gain=1.1), options))
     assert verdict.condition == "degraded"
-    assert verdict.limits is not None
-    assert verdict.limits.effectiveness_emergency == 0.3
+    assert present(verdict.limits).effectiveness_emergency == 0.3
 
 
 def test_a_flight_of_an_axis_comes_back_from_its_bytes(folder: Path) -> None:

@@ -15,6 +15,7 @@ from mavhums.results.verdict import Interval
 from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import write_tlog
 from tests.conftest import Run
+from tests.present import present
 
 BLANK = """\
 name = "blank"  # my own
@@ -49,8 +50,7 @@ def test_the_profile_gets_what_the_motors_are(run: Run, log: Path, tmp_path: Pat
     text = filled.read_text(encoding="utf-8")
     assert all(line in text for line in BLANK.splitlines())
     for actuator in load_airframe(filled).actuators:
-        motor = actuator.identified
-        assert motor is not None
+        motor = present(actuator.identified)
         assert motor.resistance[0] == pytest.approx(22.6457, rel=0.01)
         assert motor.back_emf[1] <= 0.014608 <= motor.back_emf[2]
         assert motor.flights == ("flight.tlog",)

@@ -63,9 +63,7 @@ def test_several_processes_say_the_same_in_the_same_order(logs: list[Path], tmp_
 
 
 @pytest.mark.slow
-def test_an_error_hides_no_emergency_and_the_json_has_both(
-    run: Run, logs: list[Path], growing_log: Path
-) -> None:
+def test_an_error_hides_no_emergency_and_json_has_both(run: Run, logs: list[Path], growing_log: Path) -> None:
     told = [run("analyse", logs[3], growing_log, logs[0], "--json", "--jobs", jobs) for jobs in "12"]
     assert told[0] == told[1]
     assert told[0].code == ExitCode.EMERGENCY
@@ -77,9 +75,7 @@ def test_an_error_hides_no_emergency_and_the_json_has_both(
     assert told[0].out == json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
-def test_what_nobody_expected_is_an_outcome_of_its_log(
-    logs: list[Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_nobody_expected_is_its_logs_outcome(logs: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(path: Path, *_: object, **__: object) -> None:
         raise ZeroDivisionError("nought")
 
@@ -156,9 +152,7 @@ def busy(logs: list[Path]) -> subprocess.Popen[str]:
     return process
 
 
-def test_ctrl_c_ends_all_processes_and_leaves_whole_json(
-    logs: list[Path], busy: subprocess.Popen[str]
-) -> None:
+def test_ctrl_c_ends_processes_and_leaves_whole_json(logs: list[Path], busy: subprocess.Popen[str]) -> None:
     os.killpg(busy.pid, signal.SIGINT)
     rest, told = busy.communicate(timeout=60)
     assert busy.returncode == 130

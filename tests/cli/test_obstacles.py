@@ -141,9 +141,7 @@ def test_export_suggests_a_message_of_the_logs_own_format(
     assert f"--messages {message}" in refused.err
 
 
-def test_examples_complain_of_a_log_without_telemetry(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_examples_refuse_a_log_without_telemetry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = write_log(tmp_path / "x.tlog", sent(FIXED_WING, esc=False))
     assert analyse_a_log.main(str(log)) == 0
     draft = tmp_path / "mine.toml"
@@ -162,7 +160,7 @@ def test_examples_complain_of_a_log_without_telemetry(
 @pytest.mark.parametrize(
     "name", ["analyse_a_log", "follow_udp", "own_recording", "quantities_to_pandas", "wear_over_flights"]
 )
-def test_examples_without_an_argument_say_how_they_are_called(
+def test_examples_without_an_argument_say_how_to_call_them(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import runpy

@@ -169,9 +169,7 @@ def test_what_the_link_lost_is_not_lost_of_the_file() -> None:
     )
 
 
-def test_of_several_logs_only_what_is_not_normal_is_told(
-    run: Run, short_log: Path, growing_log: Path
-) -> None:
+def test_of_several_logs_what_is_not_normal_is_told(run: Run, short_log: Path, growing_log: Path) -> None:
     several = run("analyse", short_log, growing_log).out
     assert [line for line in several.splitlines() if line.startswith("===")] == [f"=== {growing_log} ==="]
     assert "What to do: do not fly" in several

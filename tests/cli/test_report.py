@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from mavhums.core.errors import ExitCode
-from tests.conftest import REAL_LOGS
-
-if TYPE_CHECKING:
-    from tests.conftest import Run
+from tests.conftest import REAL_LOGS, Run
 
 
 def test_a_growing_fault_is_told_with_its_curve(run: Run, growing_log: Path, tmp_path: Path) -> None:

@@ -172,8 +172,7 @@ def concluded(time_s: Array, values: Array) -> tuple[Estimates, Estimates | None
 def test_motion_that_is_over_at_once_shows_the_friction_of_a_flight(friction: float, v11: bool) -> None:
     lasting, brief = concluded(*corrections(friction, v11=v11))
     assert np.isnan(lasting.value[0])
-    assert brief is not None
-    assert brief.value[0] == pytest.approx(friction, abs=0.01)
+    assert present(brief).value[0] == pytest.approx(friction, abs=0.01)
 
 
 def test_a_balance_that_does_not_hold_shows_no_friction() -> None:
@@ -187,8 +186,7 @@ def test_a_balance_that_does_not_hold_shows_no_friction() -> None:
 
 def test_a_flight_is_judged_by_the_motion_that_shows_more_of_it() -> None:
     lasting, judged_by = concluded(*synthetic(0.4))
-    assert judged_by is not None
-    assert judged_by.value[0] == lasting.value[0]
+    assert present(judged_by).value[0] == lasting.value[0]
 
 
 def loaded(friction: float, load_friction: float, *, v11: bool = False) -> tuple[Array, Array]:
@@ -220,8 +218,7 @@ def test_the_load_takes_its_share_of_the_friction(v11: bool) -> None:
     time_s, values = loaded(0.225, 0.3, v11=v11)
     shown = judged(time_s, values, with_load_friction(0.3)).indicators
     (load,) = [one.load for one in shown if one.fault == "friction"]
-    assert load is not None
-    assert load > 0.0
+    assert present(load) > 0.0
     friction = next(one.value.estimate for one in shown if one.fault == "friction")
     assert friction == pytest.approx(0.225, abs=0.03)
     assert judged(time_s, values, with_load_friction(0.3)).worst == "normal"

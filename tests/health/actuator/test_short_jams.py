@@ -24,9 +24,7 @@ BARE = actuator_of().model_copy(update={"ema": None, "limits": None})
     ("start_s", "lasting_s", "rate_hz"),
     [(20.0, 1.5, 10.0), (23.37, 2.0, 50.0), (23.37, 3.0, 50.0), (21.2, 6.0, 50.0), (20.9, 8.0, 10.0)],
 )
-def test_a_short_jam_is_told_with_its_beginning_and_end(
-    start_s: float, lasting_s: float, rate_hz: float
-) -> None:
+def test_a_short_jam_is_told_with_beginning_and_end(start_s: float, lasting_s: float, rate_hz: float) -> None:
     jam = Condition("jam", 10.0, 10.0, start_s, start_s + lasting_s)
     _, findings = watch(telemetry(flown(jam, rate_hz=rate_hz, seconds=60.0)))
     assert (findings.condition, findings.worst) == ("normal", "emergency")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.quantities import MOMENTS, SUMS, WINDOW_KEYS, column, products
 from mavhums.health.actuator.votes import VoteOutcome, by_votes, count_votes, outcome, window_outcomes
+from tests.present import present
 
 RATIO = 300.0
 Array = NDArray[np.float64]
@@ -174,10 +175,9 @@ def test_a_window_is_as_grave_as_its_probabilities_make_sure(
     (found,) = window_outcomes(
         [Ranks(probabilities=probabilities)], window(row(0, 40, (20, 20), (0, 0)))[None], slots(0.25)
     )
-    assert found is not None
-    assert (found.said, found.severity, found.leaning) == (said, severity, leaning)
-    assert found.p_fault == pytest.approx(1 - probabilities[0])
-    assert found.probability == max(probabilities)
+    shown = present(found)
+    assert (shown.said, shown.severity, shown.leaning) == (said, severity, leaning)
+    assert (shown.p_fault, shown.probability) == pytest.approx((1 - probabilities[0], max(probabilities)))
 
 
 def test_a_network_of_windows_abstains_outside_its_range_and_where_nothing_moves() -> None:

@@ -83,9 +83,7 @@ def sampled(flight: Rows, every: int) -> Rows:
 
 @settings(max_examples=10)
 @given(size=st.floats(5.0, 8.0), rows_long=st.integers(1, 5), seed=st.integers(0, 99))
-def test_what_happens_between_two_samples_is_no_shift_of_the_trim(
-    size: float, rows_long: int, seed: int
-) -> None:
+def test_what_happens_between_samples_is_no_shift_of_the_trim(size: float, rows_long: int, seed: int) -> None:
     """At 4 Hz a quick reversal shows in the outputs or in the rates, or in neither."""
     flight = rolling(120, lost(999, 1.0), noise=0.003, seed=seed)
     flight.outputs[1600 + seed % 5 :, 0] = 0.0

@@ -104,41 +104,39 @@ def evidence(kind: str, start_s: float, end_s: float) -> Evidence:
     return Evidence(kind=kind, start_s=start_s, end_s=end_s, value=0.0, limit=0.0, rule="")
 
 
+ROLL, PITCH = {"roll": ("effectiveness", 10)}, {"pitch": ("effectiveness", 11)}
+DEFLECTED = {"roll": ("hard_over", 10)}
+
+
 @pytest.mark.parametrize(
-    ("roll", "pitch", "yaw", "mixed", "explained"),
+    ("shown", "mixed", "explained"),
     [
-        (("hard_over", 10), None, None, (), {}),
-        (("hard_over", 10), ("effectiveness", 11), None, (), {"pitch": "roll"}),
-        (("tracking", 12), ("effectiveness", 11), None, (), {"roll": "pitch"}),
-        (("effectiveness", 10), ("effectiveness", 11), None, (), {}),
-        (("effectiveness", 10), ("effectiveness", 11), None, ("roll", "pitch"), {"pitch": "roll"}),
-        (("effectiveness", 10), ("effectiveness", 11), None, ("pitch", "yaw"), {}),
-        (("effectiveness", 10), None, ("effectiveness", 11), (), {"yaw": "roll"}),
+        (DEFLECTED, (), {}),
+        (DEFLECTED | PITCH, (), {"pitch": "roll"}),
+        ({"roll": ("tracking", 12)} | PITCH, (), {"roll": "pitch"}),
+        (ROLL | PITCH, (), {}),
+        (ROLL | PITCH, ("roll", "pitch"), {"pitch": "roll"}),
+        (ROLL | PITCH, ("pitch", "yaw"), {}),
+        (ROLL | {"yaw": ("effectiveness", 11)}, (), {"yaw": "roll"}),
         # Onsets are known to within a manoeuvre, and the rudder is measured beside the ailerons.
-        (("effectiveness", 10 + MASKED_S), None, ("effectiveness", 10), (), {"yaw": "roll"}),
-        (("effectiveness", 11 + MASKED_S), None, ("effectiveness", 10), (), {}),
-        (("tracking", 11), None, ("effectiveness", 10), (), {"roll": "yaw"}),
-        (None, ("effectiveness", 10), ("effectiveness", 11), (), {}),
+        ({"roll": ("effectiveness", 10 + MASKED_S), "yaw": ("effectiveness", 10)}, (), {"yaw": "roll"}),
+        ({"roll": ("effectiveness", 11 + MASKED_S), "yaw": ("effectiveness", 10)}, (), {}),
+        ({"roll": ("tracking", 11), "yaw": ("effectiveness", 10)}, (), {"roll": "yaw"}),
+        ({"pitch": ("effectiveness", 10), "yaw": ("effectiveness", 11)}, (), {}),
         # A rudder that stands deflected is the origin up to so long after the others, no longer.
-        (("hard_over", 10), None, ("hard_over", 10 + MASKED_S), (), {"roll": "yaw"}),
-        (("hard_over", 10), None, ("hard_over", 11 + MASKED_S), (), {"yaw": "roll"}),
-        (("hard_over", 10), None, ("tracking", 10 + MASKED_S), (), {"yaw": "roll"}),
+        (DEFLECTED | {"yaw": ("hard_over", 10 + MASKED_S)}, (), {"roll": "yaw"}),
+        (DEFLECTED | {"yaw": ("hard_over", 11 + MASKED_S)}, (), {"yaw": "roll"}),
+        (DEFLECTED | {"yaw": ("tracking", 10 + MASKED_S)}, (), {"yaw": "roll"}),
         # What begins long after the origin ended (20 s after it began) is another fault.
-        (("hard_over", 10), ("tracking", 30 + 2 * MASKED_S), None, (), {"pitch": "roll"}),
-        (("hard_over", 10), ("tracking", 31 + 2 * MASKED_S), None, (), {}),
+        (DEFLECTED | {"pitch": ("tracking", 30 + 2 * MASKED_S)}, (), {"pitch": "roll"}),
+        (DEFLECTED | {"pitch": ("tracking", 31 + 2 * MASKED_S)}, (), {}),
     ],
 )
 def test_the_earliest_axis_explains_what_its_surfaces_can_cause(
-    roll: tuple[str, float] | None,
-    pitch: tuple[str, float] | None,
-    yaw: tuple[str, float] | None,
-    mixed: tuple[str, ...],
-    explained: Mapping[str, str],
+    shown: dict[str, tuple[str, float]], mixed: tuple[str, ...], explained: Mapping[str, str]
 ) -> None:
-    given = {"roll": roll, "pitch": pitch, "yaw": yaw}
     faulty = {
-        axis: [evidence(one[0], one[1] + 5, one[1] + 20), evidence(one[0], one[1], one[1] + 9)]
-        for axis, one in given.items()
-        if one
+        axis: [evidence(kind, at_s + 5, at_s + 20), evidence(kind, at_s, at_s + 9)]
+        for axis, (kind, at_s) in shown.items()
     }
     assert origins(faulty, mixed) == explained

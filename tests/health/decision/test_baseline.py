@@ -59,10 +59,8 @@ def test_the_baseline_of_flights_that_wear_is_the_level_before(fault: str, grows
     values = 1.0 + grows * 0.02 * np.maximum(at - 15.0, 0.0) + 0.003 * np.sin(2.4 * at)
     wears = grows * (-1.0 if fault == "effectiveness" else 1.0) > 0.0
     shown = [indicator(v, 9, 1e-6).model_copy(update={"fault": fault}) for v in values.tolist()]
-    baseline = Baseline.of(shown)
-    course = course_of(at, grows * values, np.full(30, 1e-6))
-    assert baseline is not None
-    assert course is not None
+    baseline = present(Baseline.of(shown))
+    course = present(course_of(at, grows * values, np.full(30, 1e-6)))
     design = np.ones((30, 1))
     if wears:
         design = np.column_stack([design, np.maximum(at - course.since, 0.0)])

@@ -111,9 +111,7 @@ def test_of_the_flights_before_a_step_the_scatter_counts_if_there_are_enough(beg
 
 
 @pytest.mark.parametrize(("share", "left_out"), [(0.97, True), (1.03, False)])
-def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
-    share: float, left_out: bool
-) -> None:
+def test_a_flight_is_left_out_that_chance_hardly_puts_so_far_off(share: float, left_out: bool) -> None:
     """It is compared with the line of the others, and may be any of them, to either side."""
     n, place = 20, 8
     numbers = np.arange(1.0, n + 1)
@@ -128,9 +126,7 @@ def test_a_flight_is_left_out_that_chance_hardly_puts_anywhere_so_far_off(
     ("place", "before", "after", "differ"),
     [(4, 4, 5, 0.0), (6, 5, 5, 0.0), (8, 5, 4, 0.0), (9, 5, 3, 0.0), (6, 5, 5, 0.002)],
 )
-def test_a_step_is_larger_than_seven_standard_errors(
-    place: int, before: int, after: int, differ: float
-) -> None:
+def test_a_step_is_larger_than_7_standard_errors(place: int, before: int, after: int, differ: float) -> None:
     """Of means over up to five flights, by what neighbours differ in or by the errors of measurement."""
     at = np.arange(12)
     noise = differ / 2 * (-1.0) ** at
@@ -279,9 +275,7 @@ def test_rounding_of_an_exact_line_changes_no_evidence(pattern: str) -> None:
     """Processors round a sum differently; residuals of that size say nothing of how flights are alike."""
     flights, errors = np.arange(12.0), np.full(12, 0.002)
     rounding = 1e-15 * ((flights - 5.5) ** 2 if pattern == "alike" else (-1.0) ** flights)
-    exact = course_of(flights, 0.2 + 0.01 * flights, errors)
-    rounded = course_of(flights, 0.2 + 0.01 * flights + rounding, errors)
-    assert exact is not None
-    assert rounded is not None
+    exact = course(flights, 0.2 + 0.01 * flights, errors)
+    rounded = course(flights, 0.2 + 0.01 * flights + rounding, errors)
     assert rounded.grows
     assert rounded.evidence == pytest.approx(exact.evidence, rel=1e-6)

@@ -106,9 +106,7 @@ def test_the_on_board_log_says_what_the_link_says(tmp_path: Path, loss: float, t
     ("loss", "by_propeller", "told"),
     [(0.5, False, "lags"), (0.5, True, "follows"), (1.0, False, "collapsed"), (1.0, True, "follows")],
 )
-def test_the_speed_of_its_esc_names_the_cause(
-    tmp_path: Path, loss: float, by_propeller: bool, told: str
-) -> None:
+def test_its_escs_speed_names_the_cause(tmp_path: Path, loss: float, by_propeller: bool, told: str) -> None:
     rng = np.random.default_rng([3, 1])
     event = Event(fault_s=40.0, motor=1, loss=loss, by_propeller=by_propeller)
     flown = fly(draw_craft(rng, "hexa x"), draw_plan(rng, 75.0, event=event), 3)

@@ -122,9 +122,7 @@ def test_friction_that_grows_with_load_is_told_at_one_load() -> None:
     known = learned(flights)
     assert isinstance(known, Nuisances)
     assert known.load_friction == pytest.approx(0.3, abs=0.03)
-    light, heavy = (wear(record, known) for record in flights[-2:])
-    assert light is not None
-    assert heavy is not None
+    light, heavy = (present(wear(record, known)) for record in flights[-2:])
     assert heavy.value == pytest.approx(light.value, rel=0.1)
     assert light.value == pytest.approx(servo.friction_a + 0.3 * known.load, rel=0.1)
     assert mean_load(flights[-1]) == pytest.approx(2.0 * (mean_load(flights[-2]) or 0.0), rel=0.3)

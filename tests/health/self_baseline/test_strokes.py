@@ -50,8 +50,7 @@ def left(flight: tuple[Array, Array], equation: OwnEquation, cuts: tuple[int, ..
 
 
 def mean(record: OwnRecord | None) -> float:
-    assert record is not None
-    return float(np.mean([row[1] for row in record.groups]))
+    return float(np.mean([row[1] for row in present(record).groups]))
 
 
 def test_the_strokes_show_what_they_are_made_of() -> None:
@@ -137,8 +136,7 @@ def test_a_stroke_is_neither_too_short_nor_too_long() -> None:
     least, most = 45 + 20 + 10, 30 * 32 + 1  # 1.4 s and 0.3 s are left out
     found = [ramp(10.0, count) for count in (least - 1, least, most, most + 1)]
     assert [one is not None for one in found] == [False, True, True, False]
-    assert found[2] is not None
-    assert (found[2].rate_hz, found[2].duration_s) == (32.0, 30.0)
+    assert (present(found[2]).rate_hz, present(found[2]).duration_s) == (32.0, 30.0)
 
 
 @pytest.mark.parametrize(("bend", "steady"), [(0.09, True), (0.11, False)])
