@@ -154,15 +154,14 @@ RUNS: dict[str, list[Small]] = {
 }
 
 
-NOT_COMPARED = {
-    "the logs or recordings are not in the repository": (
-        "| | ArduPlane |",
-        "| condition | friction both ways",
-        "| split |",
-    ),
-    "the smallest run that says anything takes minutes of processor time": ("| the paper says",),
-    "it has no figures": ("| | simulated |",),
-}
+NOT_COMPARED = (
+    # The logs or recordings are not in the repository, ...
+    *("| | ArduPlane |", "| condition | friction both ways", "| split |"),
+    # ... the smallest run that says anything takes minutes of processor time, ...
+    "| the paper says",
+    # ... or it has no figures.
+    "| | simulated |",
+)
 """Tables of the evidence that no small run compares, by the beginning of their heads, and why."""
 
 
@@ -222,7 +221,7 @@ def test_each_table_of_the_evidence_is_compared_or_says_why_not() -> None:
     compared = {
         head_of(beginning) for several in RUNS.values() for small in several for beginning in small.compares
     }
-    excepted = {head_of(beginning) for beginnings in NOT_COMPARED.values() for beginning in beginnings}
+    excepted = {head_of(beginning) for beginning in NOT_COMPARED}
     assert not compared & excepted
     assert {*said()} == compared | excepted
 

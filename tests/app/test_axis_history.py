@@ -146,9 +146,8 @@ def test_an_aileron_that_is_frozen_from_take_off_is_found_in_the_closed_loop(tmp
         path = tmp_path / f"{day}.tlog"
         steady = ["--duration", "400", "--stream-rate", "10", "--seed", str(200 + day), "--day", str(day)]
         air = ["--turbulence", str(4 * (day % 3)), "--wind", f"{day % 7}@{40 * day}"]
-        flown = CliRunner().invoke(
-            simulator, ["flight", "--closed-loop", "-o", str(path), *steady, *air, *more]
-        )
+        command = ["flight", "--closed-loop", "-o", str(path), *steady, *air, *more]
+        flown = CliRunner().invoke(simulator, command)
         assert flown.exit_code == 0, flown.output
         return path
 

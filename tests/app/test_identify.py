@@ -83,9 +83,8 @@ def test_a_log_that_shows_no_motor_says_what_would(log: Path) -> None:
 
 def test_other_actuators_stay_as_they_are() -> None:
     one = Interval(estimate=1.0, low=0.9, high=1.1)
-    filled = with_motors(
-        BLANK, {"rudder": MotorIdentification(Identified(one, one, one, 2), ("a.tlog", "b.tlog"))}
-    )
-    head, rudder = filled.split('[[actuators]]\nname = "rudder"')
+    rudder = MotorIdentification(Identified(one, one, one, 2), ("a.tlog", "b.tlog"))
+    filled = with_motors(BLANK, {"rudder": rudder})
+    head, section = filled.split('[[actuators]]\nname = "rudder"')
     assert head == BLANK.split('[[actuators]]\nname = "rudder"', maxsplit=1)[0]
-    assert 'flights = ["a.tlog", "b.tlog"]' in rudder
+    assert 'flights = ["a.tlog", "b.tlog"]' in section

@@ -137,16 +137,14 @@ def test_inspect_names_the_remedy_where_health_cannot_be_judged(run: Run, tmp_pa
     assert "  remedy: record each servo's ESC telemetry" in pwm.out, "without the reason"
     assert "DEBUG_FLOAT_ARRAY named EMA" in pwm.out
     partial = [1.0, float("nan"), 3.0] + [float("nan")] * 9 + [0.0] * 46
-    instrumented = write_log(
-        tmp_path / "ema.tlog", [v2.MAVLink_debug_float_array_message(0, b"EMA", 3, partial)]
-    )
+    some = v2.MAVLink_debug_float_array_message(0, b"EMA", 3, partial)
+    instrumented = write_log(tmp_path / "ema.tlog", [some])
     assert "no airframe profile" in run("inspect", instrumented).out.replace("\n", " ")
     named = run("inspect", instrumented, "--airframe", "paper").out
     assert "elevator (servo 3): V1, V3 from DEBUG_FLOAT_ARRAY[EMA,3]; missing V2, V4" in named
     assert "rudder (servo 4): no telemetry" in named
-    nobody = run(
-        "inspect", write_log(tmp_path / "gcs.tlog", [v2.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)])
-    )
+    station = v2.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+    nobody = run("inspect", write_log(tmp_path / "gcs.tlog", [station]))
     assert nobody.out.startswith("Nothing can be judged: no vehicle speaks")
 
 

@@ -226,7 +226,5 @@ def test_the_draft_of_a_real_log_can_be_used_at_once(run: Run, log: Path, tmp_pa
     assert {"aileron", "elevator", "rudder"} <= {a.surface.removeprefix("left ") for a in actuators}
     outcome = run("analyse", log, "--airframe", mine)
     # Their ESCs drive propellers: only the axes can be judged.
-    judged = {"plane_lua_csrv": ExitCode.EMERGENCY} | dict.fromkeys(
-        ("plane_hirate", "plane_normal"), ExitCode.OK
-    )
+    judged = {"plane_lua_csrv": ExitCode.EMERGENCY, "plane_hirate": ExitCode.OK, "plane_normal": ExitCode.OK}
     assert outcome.code == judged.get(log.name.split(".")[0], ExitCode.UNDECIDED)

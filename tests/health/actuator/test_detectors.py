@@ -156,10 +156,8 @@ def test_absurd_numbers_raise_nothing(kinds: list[tuple[int, float, int, int]], 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf, 0.0, 1e308, 1e12])
 def test_nothing_comes_of_nothing(number: float) -> None:
     time_s = np.arange(0.0, 40.0, 0.04)
-    constant = np.full(time_s.size, number)
-    _, findings = watch(
-        Telemetry(time_s, np.full((time_s.size, 12), number), np.full_like(constant, np.nan)), BUS
-    )
+    values = np.full((time_s.size, 12), number)
+    _, findings = watch(Telemetry(time_s, values, np.full(time_s.size, np.nan)), BUS)
     assert findings.condition == findings.worst == "undecided"
     assert findings.suspects == ()
     assert findings.evidence == ()
@@ -226,11 +224,7 @@ def test_a_servo_too_weak_for_its_load_is_not_jammed(gain: float, reach: float, 
             speed *= not (jams and time_s[k] > 8.0)
             angle += 0.01 * speed
             volts = 6.0 * np.clip(gain * (wanted - angle), -1.0, 1.0)
-            values[k, [0, 2, 3, 6]] = (
-                *np.degrees([wanted, angle]),
-                volts,
-                speed * 100.0 * 60.0 / (2.0 * np.pi),
-            )
+            values[k, [0, 2, 3, 6]] = *np.degrees([wanted, angle]), volts, speed * 3000.0 / np.pi
         found[jams] = [one.fault for one in watch(Telemetry(time_s, values), actuator=bare)[1].suspects]
     assert found == {False: [], True: ["jam"]}
 
@@ -275,10 +269,8 @@ def test_a_constant_contradicts_the_data_sheet_when_half_of_it_is_surely_missing
 
 @pytest.mark.parametrize("seed", [2, 4])
 def test_the_motors_voltage_shows_the_supply_where_the_shaft_lags(seed: int) -> None:
-    sag = flown(
-        Condition.constant("supply_sag", 20.0), rate_hz=25.0, cyclogram="takeoff", seconds=100.0, seed=seed
-    )
-    seen, measured = telemetry(sag), np.ones(12, dtype=bool)
+    sag, measured = Condition.constant("supply_sag", 20.0), np.ones(12, dtype=bool)
+    seen = telemetry(flown(sag, rate_hz=25.0, cyclogram="takeoff", seconds=100.0, seed=seed))
     (shown,) = [one for one in watch(seen)[1].indicators if one.fault == "supply_sag"]
     assert shown.value.estimate == pytest.approx(20.0, abs=0.3)
     # An angle that no sensor measured drifts away from any command.

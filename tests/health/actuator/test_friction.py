@@ -201,10 +201,8 @@ def loaded(friction: float, load_friction: float, *, v11: bool = False) -> tuple
 
 
 def with_load_friction(value: float | None, uncertainty: float = 0.1) -> Actuator:
-    ema = KNOWN.known_ema().model_copy(
-        update={"load_friction": value, "load_friction_uncertainty": uncertainty}
-    )
-    return KNOWN.model_copy(update={"ema": ema})
+    share = {"load_friction": value, "load_friction_uncertainty": uncertainty}
+    return KNOWN.model_copy(update={"ema": KNOWN.known_ema().model_copy(update=share)})
 
 
 def judged(time_s: Array, values: Array, actuator: Actuator, size: int = 6000) -> ActuatorFindings:

@@ -25,9 +25,7 @@ Array = NDArray[np.float64]
 
 def data_sheet(friction: float, *, seconds: float = 30.0, rate_hz: float = 100.0) -> Telemetry:
     """The elevator of the paper's single-mass model."""
-    flight = Flight(
-        seed=41, duration_s=seconds, rate_hz=rate_hz, friction_nm={"elevator": (friction, friction)}
-    )
+    flight = Flight(41, seconds, {"elevator": (friction, friction)}, rate_hz=rate_hz)
     return telemetry(sensed(fly(flight)))
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mavhums.core.conditions import SEVERITY
 from mavhums.health.actuator.detector import sharp
-from mavhums.health.actuator.network_tally import NetworkTally
+from mavhums.health.actuator.network_tally import NetworkFindings, NetworkTally
 from mavhums.health.actuator.votes import VoteOutcome, by_votes
 from tests.present import present
 
@@ -24,6 +24,10 @@ def fed(tally: NetworkTally, *said: VoteOutcome | None) -> list[tuple[int, str, 
     """Feed windows of 10 s that end a second after one another; return each change."""
     ends = [10.0 + k for k in range(len(said))]
     return [(k, change.condition, change.since_s) for k, change in tally.feed(said, ends)]
+
+
+def counted(found: NetworkFindings) -> dict[str, int]:
+    return {said: windows for said, (windows, _) in found.classes.items()}
 
 
 def test_two_windows_that_share_no_sample_decide_and_doubts_that_lean_alike_do_not_matter() -> None:
@@ -60,10 +64,7 @@ def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays
     found = present(tally.tallied())
     assert (found.windows, found.first_emergency_s, found.condition) == (60, 25.0, "emergency")
     assert found.latest == SOUND
-    assert {said: windows for said, (windows, _) in found.classes.items()} == {
-        "normal": 40,
-        "friction_emergency": 20,
-    }
+    assert counted(found) == {"normal": 40, "friction_emergency": 20}
     assert [mean for _, mean in found.classes.values()] == pytest.approx([0.7, 0.8])
     assert [(one.start_s, one.end_s, one.value) for one in tally.evidence()] == [
         (0.0, 25.0, 0.7),
@@ -91,11 +92,7 @@ def test_windows_are_counted_by_class_and_those_that_are_not_sure_decide_nothing
     fed(tally, *[UNSURE] * 30, *[WORN] * 9, *[ALIEN] * 2)
     found = present(tally.tallied())
     assert (found.condition, found.says, found.windows) == ("undecided", None, 9)
-    assert {said: windows for said, (windows, _) in found.classes.items()} == {
-        "abstained": 30,
-        "friction_degraded": 9,
-        "outside": 2,
-    }
+    assert counted(found) == {"abstained": 30, "friction_degraded": 9, "outside": 2}
     assert found.latest == ALIEN
 
 

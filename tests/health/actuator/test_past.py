@@ -58,9 +58,8 @@ def test_the_power_curve_of_a_rise(fault: str, way: float) -> None:
 
 def test_what_a_departure_adds_to_a_verdict() -> None:
     play = shown(0.1, fault="backlash")
-    verdict = judged(
-        shown(0.25), condition="undecided", reason="none", suspects=(Suspect(fault="jam", confidence=0.2),)
-    )
+    jam = Suspect(fault="jam", confidence=0.2)
+    verdict = judged(shown(0.25), condition="undecided", reason="none", suspects=(jam,))
     assert (verdict.condition, verdict.worst, verdict.reason) == ("degraded", "degraded", None)
     assert present(verdict.since).flight_time_s == 0.0
     (drift,) = verdict.evidence

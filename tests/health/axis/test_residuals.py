@@ -134,9 +134,8 @@ def test_pitch_follows_a_step_and_roll_between_the_demand_and_the_slowest_respon
     flight["pitch_demand"][100:] = flight["roll_demand"][100:] = 0.1
     since_s = 2.5 * np.maximum(np.arange(240) - 100, 0) / RATE_HZ
     _, answer, good = PitchTracking().feed(rows(flight))
-    np.testing.assert_allclose(
-        answer[good], -0.1 * (1.0 - np.exp(-since_s) * (1.0 + since_s))[good], atol=1e-12
-    )
+    expected = -0.1 * (1.0 - np.exp(-since_s) * (1.0 + since_s))
+    np.testing.assert_allclose(answer[good], expected[good], atol=1e-12)
     assert good.all()
     for roll, early, finally_ in ((0.3, 0.2, 0.2), (0.05, 0.0, -0.05), (-0.1, -0.1, -0.2)):
         flight["roll"][:] = roll

@@ -87,9 +87,7 @@ def test_a_minute_ends_with_its_last_part() -> None:
     lengths = [20.0, 10.0, 30.0, 15.0, 5.0, 30.0]
     ends = np.cumsum(lengths) + 100.0
     ends[3:] += 7.0  # a pause between the minutes
-    parts = [
-        (length, float(end), *row[2:]) for length, end, row in zip(lengths, ends, own.groups, strict=True)
-    ]
+    parts = [(n, float(end), *row[2:]) for n, end, row in zip(lengths, ends, own.groups, strict=True)]
     minutes = found(own.model_copy(update={"groups": tuple(parts)}))
     assert [(one.start_s, one.end_s, one.seconds) for one in minutes] == [(100, 160, 60), (160, 217, 50)]
 

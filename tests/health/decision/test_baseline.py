@@ -112,8 +112,7 @@ def test_the_mean_of_the_windows_is_compared_where_it_is_known() -> None:
     assert compared.error == pytest.approx((0.0015**2 + known.flight_variance) ** 0.5)
     assert compared.times == pytest.approx(1.1)
     grown = now.model_copy(update={"mean_error": 0.1, "scatter": 0.3})
-    assert ComparedIndicator.of(grown, known).error == pytest.approx(
-        (0.002**2 + known.flight_variance) ** 0.5
-    )
+    error = (0.002**2 + known.flight_variance) ** 0.5
+    assert ComparedIndicator.of(grown, known).error == pytest.approx(error)
     ten_slots_each = satterthwaite(0.0015**2, 8 * 9, known.flight_variance, known.certainty)
     assert compared.freedom == pytest.approx(ten_slots_each)

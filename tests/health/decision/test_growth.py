@@ -49,10 +49,8 @@ def beside_the_line(numbers: Array, values: Array, place: int, chance: float) ->
 @pytest.mark.parametrize(("begin", "flights"), [(0, 40), (40, 30), (100, 25)])
 def test_growth_is_certain_before_its_limit_whenever_it_begins(begin: int, flights: int) -> None:
     """Ten flights before it crosses the limit; the growth may be as old as the aircraft or late."""
-    found = [
-        course(*history(seed, begin + flights - 10, (LIMIT - LEVEL) / flights, begin=begin))
-        for seed in range(40)
-    ]
+    slope = (LIMIT - LEVEL) / flights
+    found = [course(*history(seed, begin + flights - 10, slope, begin=begin)) for seed in range(40)]
     assert sum(one.grows for one in found) >= 38
     inside = [one.flights_left(LIMIT) for one in found if one.grows]
     assert np.mean([low <= 10 <= high for low, _, high in inside]) >= 0.85

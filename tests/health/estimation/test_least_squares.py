@@ -99,9 +99,8 @@ def test_samples_that_cannot_be_used_add_nothing() -> None:
     usable = np.arange(len(y)) % 2 == 0
     X[~usable], y[~usable] = np.nan, np.inf
     first, there = np.zeros(1, dtype=np.int64), np.ones(10, dtype=bool)
-    assert np.array_equal(
-        sums_of_slots(X, y, usable, first), sums_of_slots(X[usable], y[usable], there, first)
-    )
+    without = sums_of_slots(X[usable], y[usable], there, first)
+    assert np.array_equal(sums_of_slots(X, y, usable, first), without)
 
 
 def test_residuals_that_hang_together_widen_the_error() -> None:
@@ -156,9 +155,7 @@ def test_noise_in_a_term_is_allowed_for(noise: float, shared: float, other: floa
     y = X @ truth + other * rng.normal(size=(10, 2000))
     X[:, :, 0] += noise * rng.normal(size=(10, 2000))
     fit = Data(X, y).fit()
-    corrected, errors = np.array([fit.corrected(term, noisy="a") for term in "abcdefgh"[: truth.size]])[
-        :, :, 0
-    ].T
+    corrected, errors = np.array([fit.corrected(term, noisy="a") for term in "ab"])[:, :, 0].T
     assert (np.abs(corrected - truth) <= 3**0.5 * errors + 4 * fit.errors[0]).all()
     if noise == 0.2 and not other:
         assert (np.abs(corrected - truth) < 0.6 * np.abs(fit.coefficients[0] - truth))[0]

@@ -97,9 +97,8 @@ def test_the_wear_with_known_nuisances_is_that_of_least_squares(seed: int, large
     # A flight by itself fits drag, inertia and load beside the friction.
     fitted = np.linalg.solve(total[np.ix_(columns, columns)], total[columns, -1])
     assert alone.value == pytest.approx(fitted[0])
-    loaded = present(
-        wear(parts(*grams), Nuisances({KEPT.index("speed"): 0.3, KEPT.index("loaded"): 0.1}, (), 2.0))
-    )
+    by_load = Nuisances({KEPT.index("speed"): 0.3, KEPT.index("loaded"): 0.1}, (), 2.0)
+    loaded = present(wear(parts(*grams), by_load))
     assert loaded.value == pytest.approx(found.value + 0.1 * 2.0)
 
 

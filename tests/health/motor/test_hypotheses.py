@@ -17,9 +17,8 @@ EFFORTS = [np.zeros(3), np.array([0.2, 0.25, 0.1]), np.array([-0.3, 0.1, 0.4]), 
 
 def beside_none(e: Array, mean: Array) -> float:
     """Return the logarithm of the likelihood of a mean effort, against none."""
-    return float(
-        multivariate_normal(mean, NOISE).logpdf(e) - multivariate_normal(np.zeros(3), NOISE).logpdf(e)
-    )
+    fault, none = (multivariate_normal(one, NOISE).logpdf(e) for one in (mean, np.zeros(3)))
+    return float(fault - none)
 
 
 @pytest.mark.parametrize("e", EFFORTS)

@@ -77,9 +77,8 @@ def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float
     assert verdict.effectiveness.estimate < 0.4
     assert "motor 2" in (verdict.advice or "")
     [vehicle] = inspect_log(tmp_path / "f.tlog").vehicles
-    assert [(one.name, one.judgeable) for one in vehicle.subjects if one.subject == "motor"] == [
-        ("motors", True)
-    ]
+    [subject] = [one for one in vehicle.subjects if one.subject == "motor"]
+    assert (subject.name, subject.judgeable) == ("motors", True)
 
 
 @pytest.mark.slow
@@ -157,9 +156,8 @@ def settled(flown: Flown, hz: float, seed: int, mode: float | None = None) -> Se
 
 def rotors(frame: str) -> Rotors:
     kind, type_ = FRAMES[frame].parameters
-    known = rotors_of(
-        Parameters(1, False, {**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": kind, "FRAME_TYPE": type_})
-    )
+    named = {**PARAMETERS, **FUNCTIONS, "FRAME_CLASS": kind, "FRAME_TYPE": type_}
+    known = rotors_of(Parameters(1, False, named))
     assert isinstance(known, Rotors)
     return known
 

@@ -51,9 +51,8 @@ class Servo:
     ) -> tuple[Array, Array, Array]:
         """Return times, V1…V12 (V1 is noise, V2 and V3 are not measured) and the airspeed."""
         rng = np.random.default_rng(seed)
-        time_s = (
-            np.arange(int(seconds * rate_hz)) + rng.uniform(-0.2, 0.2, int(seconds * rate_hz))
-        ) / rate_hz
+        count = int(seconds * rate_hz)
+        time_s = (np.arange(count) + rng.uniform(-0.2, 0.2, count)) / rate_hz
         tones, phases = np.array([0.11, 0.23, 0.41, 0.67]), rng.uniform(0, 2 * np.pi, 4)
         swing = 60.0 * rng.uniform(0.8, 1.2)
         angle, speed, acceleration = np.zeros((3, time_s.size))

@@ -37,9 +37,8 @@ def test_the_baseline_is_the_prediction_interval_of_one_more_flight() -> None:
     found = present(_prediction(earlier))
     spread = float(np.sqrt(np.sum((values - values.mean()) ** 2) / 9)) * 1.1**0.5
     assert found.estimate == pytest.approx(values.mean(), rel=1e-4)
-    assert (found.high - found.estimate, found.estimate - found.low) == pytest.approx(
-        [2.262 * spread] * 2, abs=2e-3
-    )
+    halves = found.high - found.estimate, found.estimate - found.low
+    assert halves == pytest.approx([2.262 * spread] * 2, abs=2e-3)
     assert _prediction(earlier[:9]) is None
 
 

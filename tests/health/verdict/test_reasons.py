@@ -189,11 +189,8 @@ def test_the_numbers_of_a_reason_show_that_it_is_one(short: float) -> None:
         return "; ".join(each.text for each in undecided(one, STEERS if axis == "steering" else KNOWN))
 
     driven = {**DRIVES, "flown_s": 0}
-    too_little = [
-        why(**STOOD, fastest=8.0 * (1 - short))[0].text,
-        why(**driven, fastest=0.5 * (1 - short))[0].text,
-    ]
-    for reason in too_little:
+    for too_little in (STOOD | {"fastest": 8.0 * (1 - short)}, driven | {"fastest": 0.5 * (1 - short)}):
+        reason = why(**too_little)[0].text
         had, needed = map(float, re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?= m/s, | %|\.?\d* are)", reason)[-2:])
         assert had < needed, reason
     too_much = [
@@ -333,9 +330,8 @@ def judged(one: AxisFindings, surfaces: Surfaces | None = KNOWN, **changes: Any)
     ],
 )
 def test_what_a_normal_axis_does_not_show_is_told(changes: dict[str, Any], expected: tuple[str, ...]) -> None:
-    seen = Coverage(
-        moving_fraction=0.123456, windows=99, decidable=40, judged_from_s=changes.pop("judged", None)
-    )
+    judged_s = changes.pop("judged", None)
+    seen = Coverage(moving_fraction=0.123456, windows=99, decidable=40, judged_from_s=judged_s)
     kept = Interval(estimate=0.87654, low=0.76543, high=0.98765)
     told = {"condition": "normal", "worst": "normal", "coverage": seen, "effectiveness": kept, **changes}
     shown = Evidence(kind="slow", start_s=1.0, end_s=2.0, value=0.123456, rule="")
