@@ -86,7 +86,7 @@ class Flight:
         self.doubted_s = self.settled_s = 0
         self.parted_s = 0.0
         self.fastest = 0.0
-        self.has_pulses = False
+        self.has_pulses = self._records_outputs = False
         self._least, self._most = np.full(PULSES, np.nan), np.full(PULSES, np.nan)
         self._rows_of: Counter[str] = Counter()
         self._used: defaultdict[str, Counter[int]] = defaultdict(Counter)
@@ -103,9 +103,13 @@ class Flight:
 
     @property
     def by_receiver(self) -> tuple[int, ...]:
-        """The receiver's channels that move in flight, from 1, if no output does: they drive the servos."""
+        """The receiver's channels that move in flight, from 1, if no recorded output does.
+
+        They drive the servos then. Of a log that lacks the outputs nobody knows: an autopilot may turn what
+        the pilot asks for into something else.
+        """
         moved = self._most - self._least
-        if (moved[:ALL_OUTPUTS] >= BAND_US).any():
+        if not self._records_outputs or (moved[:ALL_OUTPUTS] >= BAND_US).any():
             return ()
         return tuple((np.flatnonzero(moved[ALL_OUTPUTS:] >= _FLOWN_US) + 1).tolist())
 
@@ -203,6 +207,7 @@ class Flight:
             pitch=flat["attitude"][:, 1],
             roll_demand=demand[:, 0],
             pitch_demand=demand[:, 1],
+            demand_spacing=flat["demand_spacing"][:, 0],
             speed=speed,
             flying=flying,
             up=up,
@@ -291,6 +296,7 @@ class Flight:
         rates = flat["rates_spacing"][:, 0]
         first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
         outputs = np.where(np.isfinite(first), first, second)
+        self._records_outputs |= bool(np.isfinite(outputs).any())
         outputs = np.where(driven, outputs, flat["receiver_spacing"][:, 0])
         for name, spacing in (("outputs", outputs), ("rates", rates)):
             known = spacing[aloft & np.isfinite(spacing)]

@@ -46,8 +46,9 @@ class Rows:
         Whether it is not from a wind triangle that no turn has settled yet.
     sources
         What the rates and the speed were measured with: rows with another number are not comparable.
-    spacing
-        Spacing of the samples around each row, s: the longer one of the outputs and the rates.
+    spacing, demand_spacing
+        Spacing of the samples around each row, s: the longer one of the outputs and the rates; that of the
+        demanded angles.
     outputs
         Demand about roll, pitch and yaw from the servo outputs, ±1 at full travel, shape (n, 3).
     """
@@ -63,6 +64,7 @@ class Rows:
     pitch: Array
     roll_demand: Array
     pitch_demand: Array
+    demand_spacing: Array
     speed: Array
     flying: Flags
     up: Flags

@@ -40,6 +40,18 @@ def test_outputs_that_come_are_the_command_from_then_on() -> None:
     assert found.condition == "unchanged"
 
 
+def test_of_a_log_without_outputs_nobody_knows_who_drives_the_servos() -> None:
+    """An autopilot that turns the pilot's channels into its own demand looks as if it lost its effect."""
+    content, at, left = Wired(idle_us=0).tlog(), 0, bytearray()
+    while at < len(content):
+        record = content[at : at + 8 + 12 + content[at + 9]]
+        left += record if record[15:18] != b"\x24\0\0" else b""  # SERVO_OUTPUT_RAW
+        at += len(record)
+    [found] = [one for one in judged(bytes(left))[0].verdicts if one.subject == "axis"]
+    assert (found.condition, found.reason_codes) == ("undecided", ("lacks",))
+    assert "the servo outputs" in (found.reason or "")
+
+
 @pytest.mark.parametrize(
     ("idle_us", "parameters", "code"), [(0, {}, "only_receiver"), (1500, PLANE, "by_receiver")]
 )

@@ -21,6 +21,7 @@ from mavhums.health.axis.thresholds import (
     RESPONSE_RAD_S,
     SHIFT_S,
     SIDE_FORCE_FLOOR_M_S2,
+    SLOW_STREAM_S,
     TRACKING_FLOOR_RAD,
 )
 from mavhums.vehicle.grid import RATE_HZ
@@ -181,6 +182,11 @@ class Residual:
         return Deviation(end_s, value, abs(value) / self.deviation)
 
 
+def _follows(rows: Rows) -> Flags:
+    """Return where the demanded attitude comes often enough that it is known when it changes."""
+    return np.asarray(rows.demand_spacing <= SLOW_STREAM_S)
+
+
 class RollTracking:
     """``φ − (demanded φ through a second order of 2.5 rad/s)``, with a learned offset.
 
@@ -208,7 +214,7 @@ class RollTracking:
         expected = [rows.roll_demand, *(response.feed(rows.roll_demand) for response in self._responses)]
         # Between the demanded and the expected angles the aircraft follows; it may be quicker than expected.
         answer = rows.roll - np.clip(rows.roll, np.fmin.reduce(expected), np.fmax.reduce(expected))
-        good = rows.flying & np.isfinite(rows.roll_demand) & np.isfinite(answer)
+        good = rows.flying & _follows(rows) & np.isfinite(rows.roll_demand) & np.isfinite(answer)
         return np.ones((len(rows), 1)), answer, good
 
 
@@ -262,7 +268,7 @@ class PitchTracking:
         expected = self._response.feed(rows.pitch_demand)
         recovery = np.minimum(self._recovery(rows, self._own.feed(rows)), expected)
         answer = rows.pitch - np.clip(rows.pitch, recovery, expected)
-        good = rows.flying & np.isfinite(rows.pitch_demand) & np.isfinite(answer)
+        good = rows.flying & _follows(rows) & np.isfinite(rows.pitch_demand) & np.isfinite(answer)
         turning = np.nan_to_num(np.sin(rows.roll)) ** 2
         return np.column_stack([np.ones(len(rows)), turning]), answer, good
 

@@ -129,6 +129,17 @@ def test_tracking_goes_on_from_block_to_block_and_begins_anew_after_a_gap(
     assert not np.allclose(anew[RATE_HZ:], expected[7 * RATE_HZ :], atol=1e-3)
 
 
+@pytest.mark.parametrize("model", [RollTracking, PitchTracking])
+@pytest.mark.parametrize(("spacing_s", "told"), [(0.41, True), (0.43, False)])
+def test_a_demand_that_comes_twice_a_second_is_no_evidence(
+    model: type[RollTracking | PitchTracking], spacing_s: float, told: bool
+) -> None:
+    """A pilot's step lies anywhere between two samples, and a sound aircraft seems to lead or to lag."""
+    flight = steady(12)
+    flight["demand_spacing"] = np.full(12 * RATE_HZ, spacing_s)
+    assert model().feed(rows(flight))[2].any() == told
+
+
 def test_pitch_follows_a_step_and_roll_between_the_demand_and_the_slowest_response() -> None:
     flight = steady(12)
     flight["pitch_demand"][100:] = flight["roll_demand"][100:] = 0.1
