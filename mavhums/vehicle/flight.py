@@ -17,7 +17,7 @@ from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import STANDARD_GRAVITY
 from mavhums.vehicle.airspeed import Current, Speed
 from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT, FIXED_WING, ON_GROUND, PULSES
-from mavhums.vehicle.grid import RATE_HZ, Seconds, lengths
+from mavhums.vehicle.grid import GAP_S, RATE_HZ, Seconds, lengths
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
@@ -296,7 +296,8 @@ class Flight:
         rates = flat["rates_spacing"][:, 0]
         first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
         outputs = np.where(np.isfinite(first), first, second)
-        self._records_outputs |= bool(np.isfinite(outputs).any())
+        # Rarer ones have no pulse in a row, and before take-off none has one.
+        self._records_outputs |= bool((outputs[aloft] <= GAP_S).any())
         outputs = np.where(driven, outputs, flat["receiver_spacing"][:, 0])
         for name, spacing in (("outputs", outputs), ("rates", rates)):
             known = spacing[aloft & np.isfinite(spacing)]
