@@ -1,9 +1,8 @@
-"""Training of many small networks: at once, one at a time, and by scikit-learn; and the subset searches.
+"""Training of many small networks, beside scikit-learn's; and the subset searches.
 
     python benchmarks/train.py [--quick] [--solver lbfgs] [--inputs 4] [--part subsets]
 
-Networks one at a time are batches of one for the same trainer. All on the paper's split: 20,000 training
-samples of the study's cyclogram, 60,000 test samples.
+All on the paper's split: 20,000 training samples of the study's cyclogram, 60,000 test samples.
 ``--quick`` uses a tenth of the samples and networks and is not a benchmark.
 """
 
@@ -29,28 +28,14 @@ HIDDEN = tuple(range(4, 17))
 
 
 def fifty(keys: tuple[str, ...], every: int, networks: int, solver: str) -> list[dict[str, object]]:
-    """Train the same networks batched and one after another, on the same rows."""
+    """Train the same networks by torch and by scikit-learn, on the same rows."""
     columns = [KEYS.index(key) for key in keys]
     values, classes, _ = samples(fly_condition(PILOT, TRAINING_NM), every)
     tested, truth, _ = samples(fly_condition(PILOT, TEST_NM), every)
     values, tested = values[:, columns], tested[:, columns]
     begin = perf_counter()
-    ensemble = TanhNetworkEnsemble(networks, HIDDEN, precision="single", n_jobs=2, random_state=0)
-    ensemble.fit(values, classes)
-    batched = perf_counter() - begin
-    rows = [
-        row(len(keys), "mavhums, batched L-BFGS", batched, batched, ensemble.member_scores(tested, truth))
-    ]
-    alone = perf_counter()
-    ones = [
-        TanhNetworkEnsemble(
-            1, (HIDDEN[seed % len(HIDDEN)],), precision="single", n_jobs=1, random_state=seed
-        ).fit(values, classes)
-        for seed in range(networks)
-    ]
-    alone = perf_counter() - alone
-    scores = np.concatenate([each.member_scores(tested, truth) for each in ones])
-    rows.append(row(len(keys), "mavhums, one at a time", alone, batched, scores))
+    ensemble = TanhNetworkEnsemble(networks, HIDDEN, n_jobs=2, random_state=0).fit(values, classes)
+    ours = perf_counter() - begin
     scaler = MinMaxScaler().fit(values)
     begin, reached = perf_counter(), []
     for seed in range(networks):
@@ -61,17 +46,19 @@ def fifty(keys: tuple[str, ...], every: int, networks: int, solver: str) -> list
             warnings.simplefilter("ignore", ConvergenceWarning)
             network.fit(scaler.transform(values), classes)
         reached.append(network.score(scaler.transform(tested), truth))
-    name = f"scikit-learn, {solver}, one after another"
-    rows.append(row(len(keys), name, perf_counter() - begin, batched, np.array(reached)))
-    return rows
+    theirs = perf_counter() - begin
+    return [
+        row(len(keys), "mavhums", ours, ours, ensemble.member_scores(tested, truth)),
+        row(len(keys), f"scikit-learn, {solver}", theirs, ours, np.array(reached)),
+    ]
 
 
-def row(inputs: int, name: str, seconds: float, batched: float, scores: np.ndarray) -> dict[str, object]:
+def row(inputs: int, name: str, seconds: float, ours: float, scores: np.ndarray) -> dict[str, object]:
     return {
         "inputs": inputs,
         "training": name,
         "s": seconds,
-        "times ours": seconds / batched,
+        "times ours": seconds / ours,
         "test, median %": 100 * float(np.median(scores)),
         "test, best %": 100 * float(scores.max()),
     }
@@ -95,18 +82,8 @@ def subsets(count: int) -> None:
     seconds, processor = perf_counter() - begin, process_time() - spent
     best = ", ".join(np.array(KEYS)[search.best])
     print(
-        f"\nall {len(search.scores)} subsets, {count} samples each: {seconds:.1f} s; "
-        f"best {100 * search.score:.2f} % ({best})"
-    )
-    some = search.subsets[:: max(1, len(search.subsets) // 100)]
-    begin, spent = perf_counter(), process_time()
-    for subset in some:
-        objective(subset[None])
-    each, each_spent = (perf_counter() - begin) / len(some), (process_time() - spent) / len(some)
-    print(
-        f"one at a time ({len(some)} of them): {1000 * each:.0f} ms a subset, "
-        f"{each * len(search.scores) / seconds:.1f} times as long as all at once "
-        f"({each_spent * len(search.scores) / processor:.1f} times the processor time)"
+        f"\nall {len(search.scores)} subsets, {count} samples each: {seconds:.1f} s "
+        f"({processor:.1f} s of processor time); best {100 * search.score:.2f} % ({best})"
     )
     table = {subset.tobytes(): score for subset, score in zip(search.subsets, search.scores, strict=True)}
     found = [

@@ -64,7 +64,7 @@ def main(seconds: float = 60.0) -> dict[str, float]:
             PolynomialFeatures(3), LogisticRegression(max_iter=5000)
         ),
         "gradient boosting": HistGradientBoostingClassifier(max_iter=20, random_state=0),
-        "tanh networks": TanhNetworkEnsemble(10, max_iter=100, precision="single", random_state=0),
+        "tanh networks": TanhNetworkEnsemble(10, max_iter=100, random_state=0),
     }
     folds = GroupKFold(n_splits=4)
     results = {}

@@ -1,10 +1,10 @@
-"""What the estimators share: base classes, checks of parameters, training of networks."""
+"""What the estimators share: base classes and checks of parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,10 +14,6 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.core.errors import MissingExtraError
-
-if TYPE_CHECKING:
-    from mavhums.learn.batched import Samples, Trained
 
 
 def check_positive_integers(estimator: object, *names: str) -> None:
@@ -33,31 +29,6 @@ def check_choice(estimator: object, name: str, choices: Sequence[str]) -> None:
     value = getattr(estimator, name)
     if value not in choices:
         raise ValueError(f"{name} must be one of {', '.join(choices)}, got {value!r}")
-
-
-def train_networks(
-    hidden: Sequence[int],
-    seeds: Sequence[int],
-    samples: Samples,
-    subsets: Flags | None = None,
-    **options: Any,
-) -> Trained:
-    """Train networks on all features, or each on its own of ``subsets``, shape (networks, features).
-
-    ``options`` go to :func:`mavhums.learn.batched.train_batch`.
-
-    Raises
-    ------
-    MissingExtraError
-        If torch is not installed.
-    """
-    try:
-        from mavhums.learn.batched import NetworkBatch, train_batch
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("training", "train") from error
-    if subsets is None:
-        subsets = np.ones((len(hidden), samples[0].shape[1]), dtype=bool)
-    return train_batch(NetworkBatch(hidden, subsets, seeds), samples, **options)
 
 
 class LabelledEstimator(BaseEstimator):

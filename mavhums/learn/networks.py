@@ -1,10 +1,10 @@
-"""The paper's networks as a scikit-learn classifier: fifty trained together, or one (paper, section 5)."""
+"""The paper's networks as a scikit-learn classifier: fifty, or one (paper, section 5)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Integral, Real
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,17 +14,13 @@ from sklearn.utils.multiclass import type_of_target
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from mavhums.core.arrays import Array, Integers
-from mavhums.learn._estimators import (
-    LabelledEstimator,
-    check_choice,
-    check_positive_integers,
-    train_networks,
-)
+from mavhums.learn._estimators import LabelledEstimator, check_positive_integers
 from mavhums.learn.inference import TanhNetwork
+from mavhums.learn.trainer import train_networks
 
 
 class TanhNetworkEnsemble(ClassifierMixin, LabelledEstimator):
-    """Many k-h-2 networks with tanh neurons for two classes, trained as one tensor program.
+    """Many k-h-2 networks with tanh neurons for two classes, trained by L-BFGS.
 
     The networks differ in their hidden neurons and initial weights. The ensemble's probability is
     the mean of theirs; their spread measures how much the result depends on the initial weights.
@@ -44,10 +40,6 @@ class TanhNetworkEnsemble(ClassifierMixin, LabelledEstimator):
     patience
         Early stopping: a network stops after this many iterations without a smaller loss on the
         validation samples given to :meth:`fit`; None uses them only for :attr:`best_`.
-    precision
-        ``"single"`` is twice as fast as ``"double"``.
-    device
-        ``"auto"`` (a GPU if one is available), ``"cpu"`` or another torch device.
     n_jobs
         Number of threads, as in joblib; the result does not depend on it.
     random_state
@@ -103,8 +95,6 @@ class TanhNetworkEnsemble(ClassifierMixin, LabelledEstimator):
         weight_decay: float = 1e-4,
         max_iter: int = 200,
         patience: int | None = 50,
-        precision: Literal["single", "double"] = "double",
-        device: str = "auto",
         n_jobs: int | None = None,
         random_state: int | np.random.RandomState | None = None,
     ) -> None:
@@ -113,8 +103,6 @@ class TanhNetworkEnsemble(ClassifierMixin, LabelledEstimator):
         self.weight_decay = weight_decay
         self.max_iter = max_iter
         self.patience = patience
-        self.precision = precision
-        self.device = device
         self.n_jobs = n_jobs
         self.random_state = random_state
 
@@ -154,7 +142,6 @@ class TanhNetworkEnsemble(ClassifierMixin, LabelledEstimator):
             raise ValueError(f"weight_decay must be finite and not negative, got {self.weight_decay!r}")
         if not len(self.hidden) or not all(isinstance(h, Integral) and h >= 1 for h in self.hidden):
             raise ValueError(f"hidden must be integers of at least 1, got {self.hidden!r}")
-        check_choice(self, "precision", ("single", "double"))
         values, target = self._checked(X, y)
         if type_of_target(target) != "binary":
             message = "Only binary classification is supported. The type of the target is "
@@ -180,8 +167,6 @@ class TanhNetworkEnsemble(ClassifierMixin, LabelledEstimator):
             weight=weight,
             validation=held_out,
             patience=self.patience,
-            precision=self.precision,
-            device=self.device,
             n_jobs=self.n_jobs,
         )
         self.networks_, self.losses_, self.n_iter_ = trained.networks, trained.loss, trained.iterations

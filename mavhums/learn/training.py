@@ -15,13 +15,13 @@ from sklearn.model_selection import GroupShuffleSplit
 from mavhums.core.about import __version__
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
-from mavhums.learn._estimators import train_networks
 from mavhums.learn.card import Card, Selection
 from mavhums.learn.chain import Scheme, reduce_vectors, select_columns, select_features
 from mavhums.learn.evaluation import hold_out, split_flights
 from mavhums.learn.inference import Network, TanhNetwork
 from mavhums.learn.networks import TanhNetworkEnsemble
 from mavhums.learn.ranking import ChiSquareRanking
+from mavhums.learn.trainer import train_networks
 from mavhums.learn.wrapper import WINDOW_TRAINING, Vectors
 
 _ITERATIONS = 300

@@ -10,19 +10,15 @@ import random
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import log_softmax
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MissingExtraError
-from mavhums.learn._estimators import train_networks
 from mavhums.learn.card import Wrapped
 from mavhums.learn.inference import TanhNetwork
-
-if TYPE_CHECKING:
-    from mavhums.learn.batched import Samples
+from mavhums.learn.trainer import Samples, cross_entropies, train_networks
 
 Objective = Callable[[Flags], Array]
 """Function of non-empty subsets, shape (s, k), that returns their scores, shape (s,)."""
@@ -176,7 +172,7 @@ def network_objective(
     random_state
         Seed of the initial weights. All subsets share it, so they differ only in their features.
     options
-        ``weight``, ``weight_decay`` and others of :func:`mavhums.learn.batched.train_batch`.
+        Others of :func:`mavhums.learn.trainer.train_networks`.
 
     Raises
     ------
@@ -186,8 +182,16 @@ def network_objective(
 
     def accuracies(subsets: Flags) -> Array:
         count = len(subsets)
-        options_ = {"validation": validation, "max_iter": max_iter, "patience": None} | options
-        trained = train_networks([hidden] * count, [random_state] * count, samples, subsets, **options_)
+        trained = train_networks(
+            [hidden] * count,
+            [random_state] * count,
+            samples,
+            subsets,
+            validation=validation,
+            max_iter=max_iter,
+            patience=None,
+            **options,
+        )
         return trained.validation_accuracy
 
     return accuracies
@@ -203,12 +207,7 @@ Each has several networks: one that started badly says nothing about its inputs.
 _MANY = 10
 """Quantities beyond which their subsets are searched genetically, not all."""
 
-WINDOW_TRAINING: Mapping[str, Any] = {
-    "weight_decay": 2e-4,
-    "patience": 100,
-    "precision": "double",
-    "beyond": 0.005,
-}
+WINDOW_TRAINING: Mapping[str, Any] = {"weight_decay": 2e-4, "patience": 100, "beyond": 0.005}
 """With less decay networks of the same data differ by a tenth of their loss, and statistics by less."""
 
 _STEP_HIDDEN, _STEP_ITERATIONS = 16, 300
@@ -318,22 +317,14 @@ def search_subsets(
     return chosen, wrapped, rises[chosen]
 
 
-def _losses(network: TanhNetwork, features: Array, target: Flags) -> Array:
-    """Return the cross-entropy of each vector, shape (n,)."""
-    classes = (~target).astype(int) if target.ndim == 1 else target.argmax(axis=1)  # emergency comes first
-    log_probabilities: Array = log_softmax(network.outputs(features), axis=1)
-    losses: Array = -log_probabilities[np.arange(len(classes)), classes]
-    return losses
-
-
 def _rises(network: TanhNetwork, validation: Vectors, random: np.random.Generator) -> Array:
     """Return how much the mean loss rises when each feature's values are shuffled (Breiman, 2001)."""
     rises = np.zeros(validation.features.shape[1])
     for k in range(len(rises)):
         shuffled = validation.features.copy()
         shuffled[:, k] = random.permutation(shuffled[:, k])
-        rises[k] = _losses(network, shuffled, validation.target).mean()
-    rises -= _losses(network, validation.features, validation.target).mean()
+        rises[k] = cross_entropies(network, (shuffled, validation.target)).mean()
+    rises -= cross_entropies(network, validation.samples).mean()
     return rises
 
 
@@ -372,7 +363,7 @@ def eliminate(vectors: Vectors, validation: Vectors, *, seed: int) -> tuple[Flag
             **WINDOW_TRAINING,
         )
         place = int(trained.validation_loss.argmin())
-        losses = _losses(trained.networks[place], validation.features, validation.target)
+        losses = cross_entropies(trained.networks[place], validation.samples)
         rises = _rises(trained.networks[place], validation, draw)
         error, accuracy = losses.std() / np.sqrt(len(losses)), float(trained.validation_accuracy[place])
         steps.append(_Step(losses.mean(), error, left.copy(), accuracy, rises))

@@ -187,7 +187,6 @@ def run_experiment(
         effort.networks,
         weight_decay=weight_decay,
         max_iter=effort.iterations,
-        precision="single",
         n_jobs=2,
         random_state=seed,
     )

@@ -1,6 +1,6 @@
 """What the tests of the learning room share."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
 from mavhums.learn import Card, Network, Selection, wrapper
-from mavhums.learn.batched import one_thread
 
 Flights = tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]
 
@@ -89,10 +88,3 @@ def small_wrapper(monkeypatch: pytest.MonkeyPatch) -> None:
     """A wrapper of the same two rounds with fewer iterations and seeds."""
     for name, value in {"_ITERATIONS": 20, "_SHORTLIST": 3, "_SECOND_ITERATIONS": 40, "_SEEDS": 1}.items():
         monkeypatch.setattr(wrapper, name, value)
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    """Threads help no network this small, and two processes' threads hinder each other."""
-    with one_thread():
-        yield

@@ -3,14 +3,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.datasets import make_moons
 
 from mavhums.core.errors import MissingExtraError
 from mavhums.learn import TanhNetworkEnsemble
-from mavhums.learn.batched import BatchLoss
 
 MOONS, SIDE = make_moons(300, noise=0.2, random_state=0)
 
@@ -23,10 +21,6 @@ def fitted(features: NDArray[np.float64] = MOONS, **parameters: Any) -> TanhNetw
 
 def one(features: NDArray[np.float64] = MOONS, **parameters: Any) -> TanhNetworkEnsemble:
     return fitted(features, **{"n_networks": 1, "hidden": (8,), "max_iter": 200} | parameters)
-
-
-def weights(classifier: TanhNetworkEnsemble) -> NDArray[np.float64]:
-    return np.concatenate([tensor.ravel() for tensor in classifier.networks_[0].tensors.values()])
 
 
 def test_the_ensemble_is_the_mean_of_its_networks_and_says_how_far_they_differ() -> None:
@@ -70,35 +64,6 @@ def test_units_do_not_matter() -> None:
     np.testing.assert_array_equal(one(scaled).predict_proba(scaled), one().predict_proba(MOONS))
 
 
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_network_whatever_the_state_of_torch() -> None:
-    torch.manual_seed(1)
-    first = one()
-    torch.manual_seed(2)
-    state = torch.get_rng_state()
-    np.testing.assert_array_equal(weights(first), weights(one()))
-    assert torch.equal(torch.get_rng_state(), state)
-    assert not np.array_equal(weights(first), weights(one(random_state=1)))
-
-
-def test_trains_on_one_thread_and_restores_their_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    threads, used = torch.get_num_threads(), set()
-    evaluate = BatchLoss.evaluate
-
-    def spy(*given: Any) -> Any:
-        used.add(torch.get_num_threads())
-        return evaluate(*given)
-
-    monkeypatch.setattr(BatchLoss, "evaluate", spy)
-    torch.set_num_threads(2)
-    try:
-        one(max_iter=2)
-        assert torch.get_num_threads() == 2
-    finally:
-        torch.set_num_threads(threads)
-    assert used == {1}
-
-
 def test_weight_decay_keeps_the_weights_small_and_training_ends_when_it_has_converged() -> None:
     small, large = one(weight_decay=0.1, max_iter=5000), one(weight_decay=1e-4, max_iter=60)
     assert np.square(small.networks_[0].w1).sum() < np.square(large.networks_[0].w1).sum() / 10
@@ -119,7 +84,6 @@ def test_without_torch_it_still_predicts_but_says_how_to_train(monkeypatch: pyte
     classifier = one()
     expected = classifier.predict(MOONS)
     monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.delitem(sys.modules, "mavhums.learn.batched")
     np.testing.assert_array_equal(classifier.predict(MOONS), expected)
     with pytest.raises(MissingExtraError, match=r"pip install 'mavhums\[train\]'"):
         clone(classifier).fit(MOONS, SIDE)
