@@ -58,10 +58,8 @@ def swept(
             if speed_m_s is not None:
                 speed = speed_m_s if on_ground else 20.0
                 state = landed if on_ground else v2.MAV_LANDED_STATE_IN_AIR
-                sent += [
-                    v2.MAVLink_vfr_hud_message(speed, speed, 0, 0, 0.0, 0.0),
-                    v2.MAVLink_extended_sys_state_message(0, state),
-                ]
+                sent.append(v2.MAVLink_vfr_hud_message(speed, speed, 0, 0, 0.0, 0.0))
+                sent.append(v2.MAVLink_extended_sys_state_message(0, state))
             for message in [beat, *sent] if k % 25 == 0 else sent:
                 log.write(struct.pack(">Q", us) + message.pack(link))
     (folder / "one.toml").write_text(PROFILE, encoding="utf-8")

@@ -122,9 +122,7 @@ def test_iteration_that_ends_early_ends_the_processes(tmp_path: Path) -> None:
     before = set(psutil.Process().children(recursive=True))
     with closing(in_processes(Deadly([], tmp_path), range(100), 2)) as results:
         assert next(results) == 0
-    assert not [
-        child for child in psutil.Process().children(recursive=True) if child not in before and judges(child)
-    ]
+    assert not [child for child in {*psutil.Process().children(recursive=True)} - before if judges(child)]
 
 
 def judges(process: psutil.Process) -> bool:

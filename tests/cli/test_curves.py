@@ -67,11 +67,9 @@ def test_a_wing_without_a_profile_is_drawn_by_its_parameters(
     _, texts = rows(tmp_path / "flight.rrd", "/events", "TextLog:text")
     assert [said for [said] in texts if said.startswith("roll: its reference is learned from ")]
     drawn = [path for path in entities(tmp_path / "flight.rrd") if path.endswith("/surface")]
-    assert [path.split("/")[-2] for path in sorted(drawn)] == [
-        r"aileron\ \(servo\ 1\)",
-        r"elevator\ \(servo\ 2\)",
-        r"rudder\ \(servo\ 4\)",
-    ]
+    servos = {"aileron": 1, "elevator": 2, "rudder": 4}
+    names = [rf"{name}\ \(servo\ {servo}\)" for name, servo in servos.items()]
+    assert [path.split("/")[-2] for path in sorted(drawn)] == names
 
 
 def test_a_log_without_curves_says_so(run: Run, tmp_path: Path) -> None:

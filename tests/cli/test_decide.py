@@ -44,9 +44,8 @@ def by_voltage(tmp_path_factory: pytest.TempPathFactory) -> Path:
         w2=np.array([[1.0, -1.0], [1.0, -1.0]]),
         b2=np.array([1.0, -1.0]),
     )
-    card = known.card.model_copy(
-        update={"name": "by-voltage", "features": ("V4",), "calibration": None, "window": None}
-    )
+    changes = {"name": "by-voltage", "features": ("V4",), "calibration": None, "window": None}
+    card = known.card.model_copy(update=changes)
     path = tmp_path_factory.mktemp("model") / "by-voltage.safetensors"
     save_model(path, network, card)
     return path

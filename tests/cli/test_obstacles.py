@@ -145,9 +145,8 @@ def test_examples_refuse_a_log_without_telemetry(tmp_path: Path, capsys: pytest.
     log = write_log(tmp_path / "x.tlog", sent(FIXED_WING, esc=False))
     assert analyse_a_log.main(str(log)) == 0
     draft = tmp_path / "mine.toml"
-    draft.write_text(
-        draft_profile(write_log(tmp_path / "y.tlog", sent(FIXED_WING, esc=False, parameters=True)))
-    )
+    known = write_log(tmp_path / "y.tlog", sent(FIXED_WING, esc=False, parameters=True))
+    draft.write_text(draft_profile(known))
     for airframe in (None, str(draft)):
         with pytest.raises(mavhums.MavhumsError):
             quantities_to_pandas.main(str(log), str(tmp_path / "p.png"), airframe)

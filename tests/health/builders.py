@@ -12,6 +12,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.quantities import column
 from mavhums.health.estimation.slots import Slots, with_extra_columns
 from mavhums.results.verdict import Indicator, Interval, Verdict
+from mavhums.vehicle.surfaces import SurfaceOutput
 
 
 def verdict(condition: Condition = "undecided", **fields: Any) -> Verdict:
@@ -24,6 +25,11 @@ def indicator(fault: str, value: float, half: float = 0.0, **fields: Any) -> Ind
     """Return what nine windows show of a quantity, to within half an interval."""
     known: dict[str, Any] = {"quantity": "", "unit": "", "windows": 9, **fields}
     return Indicator(fault=fault, value=Interval.around(value, half), **known)
+
+
+def outputs(**servos: int) -> tuple[SurfaceOutput, ...]:
+    """Return what moves surfaces, by the names of these."""
+    return tuple(SurfaceOutput(servo, name.replace("_", " "), 1500, 400) for name, servo in servos.items())
 
 
 def samples(count: int, **quantities: ArrayLike) -> Array:

@@ -92,12 +92,8 @@ def telemetry(seen: Mapping[str, Telemetry], surface: str = "elevator", *, esc: 
     return Telemetry(own.time_s, values, own.bus_v)
 
 
-TIERS = {
-    "instrumented": KEYS,
-    "csrv": ("V1", "V3", "V4", "V5", "V10", "V11"),
-    "esc-signed": ESC_KEYS,
-    "esc-unsigned": ESC_KEYS,
-}
+TIERS: dict[str, tuple[str, ...]] = {"instrumented": KEYS, "esc-signed": ESC_KEYS, "esc-unsigned": ESC_KEYS}
+TIERS["csrv"] = ("V1", "V3", "V4", "V5", "V10", "V11")
 UNSIGNED = [column(key) for key in ("V4", "V5", "V7")]
 QUANTA = np.array([0.01, 0.01, 1.0])
 
@@ -121,16 +117,15 @@ def reported(
     return Telemetry(seen.time_s, completed, seen.bus_v, magnitudes), given
 
 
-def watch(
-    seen: Telemetry, actuator: Actuator | None = None, **options: Any
-) -> tuple[list[Event], ActuatorFindings]:
+Watched = tuple[list[Event], ActuatorFindings]
+
+
+def watch(seen: Telemetry, actuator: Actuator | None = None, **options: Any) -> Watched:
     """Feed a monitor in one block; return its events and findings."""
     return watch_blocks([seen], actuator, **options)
 
 
-def watch_blocks(
-    blocks: list[Telemetry], actuator: Actuator | None = None, **options: Any
-) -> tuple[list[Event], ActuatorFindings]:
+def watch_blocks(blocks: list[Telemetry], actuator: Actuator | None = None, **options: Any) -> Watched:
     """Feed a monitor block by block."""
     networks, baselines = options.pop("networks", ()), options.pop("baselines", {})
     measured = options.pop("measured", None)

@@ -20,6 +20,7 @@ from mavhums.health.estimation.equations import (
 from tests.present import present
 
 SHARED = {"interface"}
+OWN = (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)
 
 
 def modules(package: ModuleType) -> set[str]:
@@ -40,8 +41,7 @@ def test_the_list_of_detectors_is_the_folder() -> None:
 
 
 def test_every_module_of_equations_is_in_a_list() -> None:
-    own = (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)
-    listed = {one.prior.__module__ for one in EQUATIONS} | {one.left.__module__ for one in own}
+    listed = {one.prior.__module__ for one in EQUATIONS} | {one.left.__module__ for one in OWN}
     assert {name.rsplit(".", 1)[-1] for name in listed} == modules(equations) - SHARED
 
 
@@ -50,6 +50,4 @@ def test_every_equation_of_a_module_is_in_a_list(module: str) -> None:
     defined = vars(getattr(equations, module)).values()
     found = [one for one in defined if isinstance(one, interface.Equation | interface.OwnEquation)]
     assert found
-    listed = {one.name for one in EQUATIONS}
-    listed |= {one.name for one in (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)}
-    assert {one.name for one in found} <= listed
+    assert {one.name for one in found} <= {one.name for one in EQUATIONS} | {one.name for one in OWN}

@@ -139,10 +139,8 @@ def test_absurd_numbers_raise_nothing(kinds: list[tuple[int, float, int, int]], 
     for place, number, first, count in kinds:
         target = bus_v if place == 12 else values[:, place]
         target[first : first + count] = number
-    blocks = [
-        Telemetry(seen.time_s[a:b], values[a:b], bus_v[a:b])
-        for a, b in zip([0, *places], [*places, 1000], strict=True)
-    ]
+    absurd = Telemetry(seen.time_s, values, bus_v)
+    blocks = [absurd.between(a, b) for a, b in itertools.pairwise([0, *places, 1000])]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         events, findings = watch_blocks(blocks, BUS)

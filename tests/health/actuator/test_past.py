@@ -78,12 +78,8 @@ def test_what_a_departure_adds_to_a_verdict() -> None:
 
 def test_a_limit_that_decided_keeps_its_condition_and_its_onset() -> None:
     found = Evidence(kind="friction", start_s=40.0, end_s=100.0, value=0.9, rule="emergency: interval")
-    verdict = judged(
-        shown(0.9),
-        condition="emergency",
-        evidence=(found,),
-        suspects=(Suspect(fault="friction", confidence=1.0),),
-    )
+    sure = Suspect(fault="friction", confidence=1.0)
+    verdict = judged(shown(0.9), condition="emergency", evidence=(found,), suspects=(sure,))
     assert (verdict.condition, verdict.worst, verdict.since) == ("emergency", "emergency", None)
     assert [item.kind for item in verdict.evidence] == ["friction_drift", "friction"]
     assert [(one.fault, one.confidence) for one in verdict.suspects] == [("friction", 1.0)]

@@ -17,14 +17,8 @@ from tests.health.flown import TIERS, actuator_of, flown, reported, telemetry, w
 
 
 def verdicts(fault: str, severity: float, seed: int, cyclogram: str) -> dict[str, Condition]:
-    flight = flown(
-        Fault.constant(fault, severity),
-        rate_hz=25.0,
-        seconds=40.0,
-        cyclogram=cyclogram,
-        seed=seed,
-        individuals=seed,
-    )
+    worn = Fault.constant(fault, severity)
+    flight = flown(worn, rate_hz=25.0, cyclogram=cyclogram, seed=seed, individuals=seed)
     found: dict[str, Condition] = {}
     for tier in TIERS:
         seen, measured = reported(telemetry(flight), tier)

@@ -33,8 +33,7 @@ def controlled(seconds: int) -> dict[str, np.ndarray]:
 
 
 def test_a_healthy_flight_raises_no_alarm() -> None:
-    monitor = AxisMonitor(1)
-    assert all(change.after == "unchanged" for change in changes_of(monitor, rows(controlled(240))))
+    assert all(c.after == "unchanged" for c in changes_of(AxisMonitor(1), rows(controlled(240))))
 
 
 @pytest.mark.parametrize(
@@ -53,8 +52,7 @@ def test_what_leaves_the_reference_is_found_in_seconds(what: str, axis: str, fau
         flight["roll_rate"][after] += 0.6
         if what == "skid":
             flight["side_force"][after] += 4.0
-    monitor = AxisMonitor(1)
-    alarms = [c for c in changes_of(monitor, rows(flight)) if c.after == "emergency"]
+    alarms = [c for c in changes_of(AxisMonitor(1), rows(flight)) if c.after == "emergency"]
     assert (alarms[0].actuator, alarms[0].fault) == (axis, fault)
     assert 100 < alarms[0].time_s <= 106
     assert 98 <= alarms[0].since_s <= 104
@@ -65,8 +63,7 @@ def test_a_stall_is_no_elevator() -> None:
     flight = controlled(160)
     flight["pitch"][2000:] -= 0.6
     flight["speed"][2000:] = 12.0
-    monitor = AxisMonitor(1)
-    assert all(change.after == "unchanged" for change in changes_of(monitor, rows(flight)))
+    assert all(change.after == "unchanged" for change in changes_of(AxisMonitor(1), rows(flight)))
 
 
 @pytest.mark.parametrize(("rises_deg_s", "faulty"), [(6.0, False), (1.0, True), (0.0, True)])

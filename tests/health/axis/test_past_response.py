@@ -161,9 +161,7 @@ def test_what_is_not_comparable_is_not_compared() -> None:
     ("speed", "drive", "condition"),
     [(0.84, 1.0, "undecided"), (0.88, 1.0, "emergency"), (1.0, 1e-6, "undecided")],
 )
-def test_below_the_usual_speed_or_without_a_drive_nothing_is_judged(
-    speed: float, drive: float, condition: str
-) -> None:
+def test_slow_or_without_a_drive_nothing_is_judged(speed: float, drive: float, condition: str) -> None:
     own = record(flight(180, left=0.3))
     groups = tuple((*row[:2], speed * row[2], *(drive * x for x in row[3:])) for row in own.groups)
     assert judged(own.model_copy(update={"groups": groups}), PAST).condition == condition

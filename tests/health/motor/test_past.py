@@ -33,12 +33,8 @@ def flight(effort: Array, *, seed: int = 0, lost: int | None = None, share: floa
         thrusts += 0.4 * share * COLUMNS[lost] @ np.linalg.pinv(COLUMNS)
     trims, seen = Trims(COLUMNS), Coverage(moving_fraction=1.0, windows=100, decidable=100)
     trims.add(thrusts, np.ones(len(thrusts), dtype=bool))
-    return [
-        verdict(
-            "normal", subject="motor", actuator=f"motor {k}", coverage=seen, indicators=trims.of_motor(k - 1)
-        )
-        for k in range(1, 5)
-    ]
+    known = [{"actuator": f"motor {k + 1}", "indicators": trims.of_motor(k)} for k in range(4)]
+    return [verdict("normal", subject="motor", coverage=seen, **each) for each in known]
 
 
 def compared(flown: list[Verdict], earlier: list[list[Verdict]]) -> list[Verdict]:

@@ -29,12 +29,8 @@ FINDINGS = MotorFindings(QUAD, None, (), 90.0, 60.0, False, (0.1, 0.31, 0.2, 0.0
 
 
 def verdicts(findings: MotorFindings | None, known: Any = QUAD, *, lacks: str = "") -> list[Verdict]:
-    flight: Any = SimpleNamespace(
-        heard={"outputs", "attitude", "rates"} - {lacks},
-        autopilots={3},
-        parameters=(),
-        lasted_s=lambda _: 60.0,
-    )
+    heard = {"outputs", "attitude", "rates"} - {lacks}
+    flight: Any = SimpleNamespace(heard=heard, autopilots={3}, parameters=(), lasted_s=lambda _: 60.0)
     return [*verdicts_of_motors(1, findings, known, flight, START)]
 
 

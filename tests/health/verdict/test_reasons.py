@@ -21,8 +21,8 @@ from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Candidate, Coverage, Evidence, Interval, Verdict
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import Identity
-from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
-from tests.health.builders import verdict
+from mavhums.vehicle.surfaces import Surfaces
+from tests.health.builders import outputs, verdict
 
 PLANE, COPTER, STATION, ROVER, VTOL = 1, 2, 6, 10, 22
 HEARD = {"outputs", "attitude", "rates", "force", "airspeed"}
@@ -99,11 +99,7 @@ def test_a_stream_that_comes_too_rarely_is_named_with_its_rate_and_its_own_param
     assert found.remedy.endswith("(MAVx_RC_CHAN, MAVx_RAW_SENS, MAVx_EXTRA1)")
 
 
-MOVED = (
-    SurfaceOutput(1, "aileron", 1500, 400),
-    SurfaceOutput(2, "elevator", 1500, 400),
-    SurfaceOutput(4, "rudder", 1500, 400),
-)
+MOVED = outputs(aileron=1, elevator=2, rudder=4)
 KNOWN = Surfaces(MOVED, "parameters")
 
 
@@ -121,9 +117,9 @@ def undecided(one: AxisFindings, surfaces: Surfaces | None = KNOWN, **changes: A
     return [*why_undecided(one, surfaces, flight(**changes), {})]
 
 
-STEERS = Surfaces((SurfaceOutput(1, "steering", 1500, 400),), "parameters")
+STEERS = Surfaces(outputs(steering=1), "parameters")
 NO_ROLL = replace(KNOWN, moved=MOVED[1:])
-CHANNELS = replace(KNOWN, moved=(SurfaceOutput(33, "aileron", 1500, 400),))
+CHANNELS = replace(KNOWN, moved=outputs(aileron=33))
 WRONG = replace(KNOWN, origin="profile", contradicted={"roll": "servo 1 is a throttle"})
 BY_LOG = replace(WRONG, by_log=frozenset({"roll"}))
 SLOW = {"rates": {"outputs": 5.0, "rates": 25.0}}
@@ -254,10 +250,7 @@ def test_the_escs_of_a_multirotor_are_those_of_its_propellers() -> None:
     assert codes(*obstacle(tier_named("esc-signed"), copter)) == ["multirotor", "propeller_escs"]
 
 
-ELEVONS = Surfaces(
-    moved=(SurfaceOutput(1, "left elevon", 1500, 400), SurfaceOutput(2, "right elevon", 1500, 400)),
-    origin="parameters",
-)
+ELEVONS = Surfaces(outputs(left_elevon=1, right_elevon=2), "parameters")
 
 
 @pytest.mark.parametrize(

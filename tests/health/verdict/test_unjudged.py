@@ -11,14 +11,13 @@ from mavhums.health.verdict.actuator import unjudged_actuator, unjudged_vehicle,
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import ALL, Verdict
-from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces
+from mavhums.vehicle.surfaces import Surfaces
+from tests.health.builders import outputs
 from tests.health.flown import actuator_of
 
 JUDGED, SEEN = (next(one for one in TIERS if one.judged == judged) for judged in (True, False))
 FROM_ESC = next(one for one in TIERS if one.from_esc)
-SURFACES = Surfaces(
-    (SurfaceOutput(1, "aileron", 1500, 400), SurfaceOutput(2, "rudder", 1500, 400)), "profile"
-)
+SURFACES = Surfaces(outputs(aileron=1, rudder=2), "profile")
 
 
 @pytest.mark.parametrize(
