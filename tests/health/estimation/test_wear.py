@@ -135,3 +135,9 @@ def test_a_flight_that_moves_in_one_part_only_has_no_error() -> None:
     assert shows(parts(still, still, still, moved))
     assert wear(parts(still, still, still, moved), Nuisances({}, ())) is None
     assert wear(parts(still, still, moved, moved), Nuisances({}, ())) is not None
+
+
+def test_a_flight_whose_fit_leaves_no_freedom_teaches_nothing() -> None:
+    grams, _ = loaded_parts(4, 0.0)
+    own, few = parts(*grams), parts(*grams, counts=1.0)
+    assert present(learned([own, few])) == learned([own])
