@@ -45,15 +45,20 @@ def answers(page: Served) -> None:
 
 def memory(page: Served) -> tuple[float, list[float]]:
     """Return the memory of the page's process and of each judging one that it does not share, in MB."""
-    process = psutil.Process(page.process.pid)
-    parts = [one.memory_full_info().uss / 1e6 for one in (process, *process.children())]
+    both = (psutil.Process(page.process.pid), *judging(page))
+    parts = [one.memory_full_info().uss / 1e6 for one in both]
     return parts[0], parts[1:]
+
+
+def judging(page: Served) -> list[psutil.Process]:
+    """Return the judging processes, which one that the page's process started has forked."""
+    return [judge for one in psutil.Process(page.process.pid).children() for judge in one.children()]
 
 
 def ready(page: Served) -> None:
     """Wait until the judging processes do nothing."""
     while True:
-        several = psutil.Process(page.process.pid).children()
+        several = judging(page)
         spent = [sum(one.cpu_times()[:2]) for one in several]
         time.sleep(1.0)
         if len(several) >= 2 and spent == [sum(one.cpu_times()[:2]) for one in several]:

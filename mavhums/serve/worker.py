@@ -45,6 +45,8 @@ def answer(read: MutableSequence[int], placed: tuple[int, Job]) -> Job:
 
 
 def _answer(job: Job, progress: Callable[[int], None]) -> Job:
+    if job["do"] == "start":
+        return {}
     log = Path(job["log"])
     try:
         if job["do"] == "unpack":

@@ -82,6 +82,8 @@ class Workers:
             begin=partial(worker.limit, self._limits.memory_bytes),
         )
         self._submit: Callable[[tuple[int, Job]], Future[Job]] = self._stack.enter_context(pool)
+        for place in self._free:
+            self._submit((place, {"do": "start"}))  # a pool starts its processes with the first item
 
     async def close(self) -> None:
         """End every process."""
