@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from mavhums.actuator.contradictions import of_airframe
 from mavhums.actuator.profile import Airframe
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Notice
@@ -26,13 +25,13 @@ from mavhums.health.verdict.obstacles import why_not_at_all
 from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.events import VehicleEvents
-from mavhums.vehicle.facts import ALL_OUTPUTS, Signal
+from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Grid, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.rows import Rows
-from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces, on_channels
+from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
 from mavhums.vehicle.usage import Usage
 
 AxisEvent = AxisChange | Notice
@@ -150,35 +149,12 @@ class VehicleAxes:
         """
         if not self._eager() and (self._now_s - 1) // _RETRY_S == second // _RETRY_S:
             return
-        driven = self._driven()
-        if driven is not self.surfaces:
-            by_receiver = driven is not None and driven.by_receiver
-            why = "the receiver drives its servos" if by_receiver else "its outputs are known"
-            yield from self._adopt(driven, why)
-        elif self.surfaces is None and self.flight.flown_s >= self._next_try_s:
+        if self.surfaces is None and self.flight.flown_s >= self._next_try_s:
             yield from self._infer()
         elif self.flight.parted_s >= _PARTED_S:
             self._hoped_s = self.flight.flown_s
             self._next_try_s = self._hoped_s + _RETRY_S
             yield from self._adopt(None, "outputs that moved as one no longer do")
-
-    @property
-    def _receives(self) -> bool:
-        """Whether the receiver may drive the servos, or was taken to."""
-        by_receiver = self.surfaces is not None and self.surfaces.by_receiver
-        return by_receiver or not (self.flight.has_pulses or self.flight.on_ground)
-
-    def _driven(self) -> Surfaces | None:
-        """Return the surfaces in use, which are the receiver's channels as long as no output has a pulse."""
-        surfaces, flight = self.surfaces, self.flight
-        if not self._receives or flight.flown_s < _INFER_S:
-            return surfaces
-        if flight.has_pulses:
-            return self._setup.surfaces
-        airframe = self._setup.airframe
-        named = of_airframe(airframe) if airframe else None
-        found = on_channels(named, self._setup.parameters, flight.by_receiver)
-        return surfaces if found is None or found == surfaces else found
 
     def _next(self, seconds: Seconds) -> tuple[Seconds, Seconds | None]:
         """Return the seconds that follow each other until the surfaces may change, and the rest."""
@@ -190,7 +166,7 @@ class VehicleAxes:
             ends.append(first + 1)
         elif self._eager():  # nothing is looked for before so much was flown
             ends.append(first + max(1, ceil(_INFER_S - self.flight.flown_s)))
-        elif self.surfaces is None or self.surfaces.origin == "inferred" or self._receives:
+        elif self.surfaces is None or self.surfaces.origin == "inferred":
             ends.append(first - first % _RETRY_S + _RETRY_S)
         at = int(np.searchsorted(seconds.index, min(ends))) if ends else len(seconds.index)
         if at == len(seconds.index):
@@ -221,8 +197,6 @@ class VehicleAxes:
             self._answers.clear()
             self._tries = 0
         surfaces = self._as_it_moves(setup.surfaces) if setup.surfaces else self.surfaces
-        if self.surfaces is not None and self.surfaces.by_receiver:
-            surfaces = self.surfaces
         limits = setup.airframe.axes if setup.airframe else self.monitor.limits
         if limits != self.monitor.limits or (surfaces is not None and self._differs(surfaces)):
             why = "a profile names its outputs" if named else "its parameters name other outputs than before"
@@ -284,7 +258,7 @@ class VehicleAxes:
     def _doubtful(self) -> list[str]:
         """Return the axes whose outputs only a profile names: no parameter confirms them."""
         surfaces = self.surfaces
-        if surfaces is None or surfaces.origin != "profile" or surfaces.by_receiver:
+        if surfaces is None or surfaces.origin != "profile":
             return []
         told = surfaces.confirmed | surfaces.by_log
         return [axis for axis in TRIED_AXES if axis not in told and surfaces.of_axis(axis)]
@@ -313,7 +287,7 @@ class VehicleAxes:
         known = self.flight.last(_RECENT_S, until_s)
         if known is None:
             return
-        rows, pulses = known[0], known[1][:, :ALL_OUTPUTS]
+        rows, pulses = known
         rows = replace(rows, outputs=Demands(surfaces).feed(pulses))
         for axis in axes:
             outputs = surfaces.of_axis(axis)

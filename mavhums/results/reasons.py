@@ -27,7 +27,6 @@ _NO_LIMIT = "; no absolute limit known"
 _NO_PROFILE = "{who}no airframe profile: one actuator's limits say nothing about another's"
 _PARAMETERS = "record the parameters, too (refresh the ground station's list, or use the on-board log)"
 _PROFILE = f"name one with --airframe: {_DRAFT} drafts it from the log's parameters"
-_RECEIVER = "the receiver drives the servos: "
 
 MESSAGES: Final[dict[str, tuple[str, str]]] = {
     # of a log or a vehicle
@@ -162,11 +161,6 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "stopped": ("{stood}: of {fast_s:.3g} s above {least:g} m/s (fastest {fastest} m/s), {rest}", _LONGER),
 
     # of an axis
-    "by_receiver": (
-        f"{_RECEIVER}no output in the log moves, only the receiver's channels ({{channels}}) do",
-        "choose a flight in which the autopilot's outputs drive the servos"),
-    "only_receiver": (f"{_RECEIVER}the log has no output, only the receiver's channels ({{channels}})",
-        "record the parameters, too, or name servos by their channels in an airframe file"),
     "stream_too_slow": ("{streams} times a second, {needed_hz} are needed to judge {axis}", "{record}"),
     "too_short": (
         "{usable_s} s of {motion}{known}, {reference_s} are needed for a reference and {normal_s} to judge",

@@ -24,9 +24,6 @@ OUTPUTS: Final = 16
 ALL_OUTPUTS: Final = 32
 """Servo outputs that can move a surface."""
 
-PULSES: Final = ALL_OUTPUTS + OUTPUTS
-"""All outputs, and then the receiver's channels, which drive the servos where the autopilot only records."""
-
 FIRST_UAVCAN_OUTPUT: Final = 33
 """Outputs from this one on are PX4's on UAVCAN, which count from 0 to 1000 and are not pulses."""
 
@@ -34,7 +31,6 @@ CONTINUOUS: Final[Mapping[str, int]] = {
     "outputs": OUTPUTS,  # pulses, µs, NaN where an output is off
     "outputs_2": ALL_OUTPUTS,  # those that a second and a third message carry, NaN for the others
     "outputs_3": ALL_OUTPUTS,
-    "receiver": OUTPUTS,  # the pilot's channels as the receiver gives them, µs, NaN where one has no pulse
     "rates": 3,  # roll, pitch, yaw rate, rad/s
     "force": 3,  # specific force, forward, right, down, m/s²
     "mixer": 4,  # what the mixer of a multirotor was asked for: roll, pitch, yaw, thrust, shares of full

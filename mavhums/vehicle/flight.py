@@ -16,12 +16,11 @@ import numpy as np
 from mavhums.core.arrays import Array, Flags
 from mavhums.core.statistics import STANDARD_GRAVITY
 from mavhums.vehicle.airspeed import Current, Speed
-from mavhums.vehicle.facts import ALL_OUTPUTS, ARDUPILOT, FIXED_WING, ON_GROUND, PULSES
-from mavhums.vehicle.grid import GAP_S, RATE_HZ, Seconds, lengths
+from mavhums.vehicle.facts import ARDUPILOT, FIXED_WING, ON_GROUND
+from mavhums.vehicle.grid import RATE_HZ, Seconds, lengths
 from mavhums.vehicle.rows import PastRows, Rows
 from mavhums.vehicle.signals import all_outputs
 from mavhums.vehicle.surfaces import AXES, STEERING, Demands, Surfaces
-from mavhums.vehicle.usage import BAND_US
 from mavhums.vehicle.vtol import HOVERING_MODES, LEAST_SPEED, NO_LIFT
 
 _ROVER, _BOAT = 10, 11
@@ -38,7 +37,6 @@ against the wind."""
 _AIRBORNE_S: Final = 3
 """Seconds without a break before forward flight counts: fewer let gusts on the ground in."""
 _STOPPED_BY: Final = ("vtol", "mode", "ground", "slow")
-_FLOWN_US: Final = 50.0  # what a pilot asks for at least; a receiver's noise is some microseconds
 SPEEDS: Final = 4  # sources of a speed: sensor, wind triangle, ground, ground less the current
 THROUGH_WATER: Final = 3
 _SPACING_S: Final = 0.001  # resolution of the counts of spacings: a millisecond, as most stamps have
@@ -70,8 +68,6 @@ class Flight:
         Signals with at least one number.
     steers
         Whether the output that steers a rover or a boat is known.
-    has_pulses
-        Whether an output ever had a pulse.
     past
         The rows so far, without demands.
     """
@@ -86,8 +82,6 @@ class Flight:
         self.doubted_s = self.settled_s = 0
         self.parted_s = 0.0
         self.fastest = 0.0
-        self.has_pulses = self._records_outputs = False
-        self._least, self._most = np.full(PULSES, np.nan), np.full(PULSES, np.nan)
         self._rows_of: Counter[str] = Counter()
         self._used: defaultdict[str, Counter[int]] = defaultdict(Counter)
         self._spacings = {name: np.zeros(_SPACINGS, dtype=np.int64) for name in ("outputs", "rates")}
@@ -100,18 +94,6 @@ class Flight:
     def on_ground(self) -> bool:
         """Whether it is a rover or a boat: only its steering is judged."""
         return bool(self.kinds & GROUND) or self.steers
-
-    @property
-    def by_receiver(self) -> tuple[int, ...]:
-        """The receiver's channels that move in flight, from 1, if no recorded output does.
-
-        They drive the servos then. Of a log that lacks the outputs nobody knows: an autopilot may turn what
-        the pilot asks for into something else.
-        """
-        moved = self._most - self._least
-        if not self._records_outputs or (moved[:ALL_OUTPUTS] >= BAND_US).any():
-            return ()
-        return tuple((np.flatnonzero(moved[ALL_OUTPUTS:] >= _FLOWN_US) + 1).tolist())
 
     def lasted_s(self, what: str) -> float:
         """Return the seconds ``recorded``, ``armed``, ``fast``, or those of why fast seconds do not count.
@@ -182,7 +164,7 @@ class Flight:
             speed = np.where(driven, self._forward(signals), speed)
             trusted, settled = trusted | driven, settled | driven
             source = np.where(driven, np.where(flat["state"][:, 0] == _BOAT, THROUGH_WATER, 2.0), source)
-        pulses = np.hstack([all_outputs(flat), flat["receiver"]])
+        pulses = all_outputs(flat)
         up = self._up(flat, speed, driven)
         aloft = self._lasting(up, fresh)
         whole = aloft.reshape(-1, RATE_HZ).all(axis=1)
@@ -215,7 +197,7 @@ class Flight:
             trusted=trusted,
             settled=settled,
             sources=source + SPEEDS * np.repeat(seconds.ranks["rates"], RATE_HZ),
-            spacing=self._spaced(flat, aloft, self._directed(pulses, aloft)),
+            spacing=self._spaced(flat, aloft),
             outputs=self._demand(pulses, flying),
         )
         self.past.add(rows, pulses)
@@ -278,27 +260,11 @@ class Flight:
         self._run = int(run[-1])
         return run >= _AIRBORNE_S * RATE_HZ
 
-    def _directed(self, pulses: Array, aloft: Flags) -> Flags:
-        """Return where an output has had a pulse, (n,); follow how far all of them move in flight."""
-        driven = np.isfinite(pulses[:, :ALL_OUTPUTS]).any(axis=1)
-        driven = np.logical_or.accumulate(driven) | self.has_pulses
-        self.has_pulses = bool(driven[-1])
-        if aloft.any():
-            np.fmin(self._least, np.fmin.reduce(pulses[aloft]), out=self._least)
-            np.fmax(self._most, np.fmax.reduce(pulses[aloft]), out=self._most)
-        return driven
-
-    def _spaced(self, flat: dict[str, Array], aloft: Flags, driven: Flags) -> Array:
-        """Return the longer spacing, of what moves the servos or of the rates, (n,); count both in flight.
-
-        Until an output has a pulse, where ``driven`` is false, the receiver may move the servos.
-        """
+    def _spaced(self, flat: dict[str, Array], aloft: Flags) -> Array:
+        """Return the longer spacing, of the outputs or of the rates, (n,); count both in flight."""
         rates = flat["rates_spacing"][:, 0]
         first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
         outputs = np.where(np.isfinite(first), first, second)
-        # Rarer ones have no pulse in a row, and before take-off none has one.
-        self._records_outputs |= bool((outputs[aloft] <= GAP_S).any())
-        outputs = np.where(driven, outputs, flat["receiver_spacing"][:, 0])
         for name, spacing in (("outputs", outputs), ("rates", rates)):
             known = spacing[aloft & np.isfinite(spacing)]
             steps = np.clip(known / _SPACING_S, 0, _SPACINGS - 1).astype(np.int64)

@@ -29,7 +29,7 @@ SHOWN_EVERY: Final = 5
 """Rows: what is drawn has four values a second."""
 _HELD_S: Final = 5.0  # a state holds as long: heartbeats come once a second, some of them are lost
 _COUNTED: Final = ("outputs", "outputs_2", "attitude", "rates", "state")
-_CHOSEN: Final = ("attitude", "rates", "force", "demand", "airspeed", "receiver", "altitude")
+_CHOSEN: Final = ("attitude", "rates", "force", "demand", "airspeed", "altitude")
 """Signals that several messages carry in some format."""
 _HALF_S: Final = 0.5 / RATE_HZ
 _STREAMS: Final = 64  # more than the tables of a format have; none beyond is kept

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.vehicle.facts import PULSES
+from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.surfaces import AXES, COLUMNS
 
@@ -134,7 +134,7 @@ class PastRows:
         self.is_whole = True
 
     def add(self, rows: Rows, pulses: Array) -> None:
-        """Add rows and the pulses of all outputs, µs, shape (n, PULSES)."""
+        """Add rows and the pulses of all outputs, µs, shape (n, ALL_OUTPUTS)."""
         on = np.flatnonzero(np.isfinite(pulses).any(axis=0))
         measured = [getattr(rows, name) for name in _MEASURED]
         self._parts.append(
@@ -155,7 +155,7 @@ class PastRows:
         self._seconds -= (len(values) - len(left)) // RATE_HZ
 
     def last(self, seconds: int, until_s: float = np.inf) -> tuple[Rows, Array] | None:
-        """Return the last rows before a flight second, as one, and their pulses, shape (n, PULSES).
+        """Return the last rows before a flight second, as one, and their pulses, shape (n, ALL_OUTPUTS).
 
         None without any.
         """
@@ -167,7 +167,7 @@ class PastRows:
         return rows.cut(first, rows.seconds), pulses[first * RATE_HZ :]
 
     def __iter__(self) -> Iterator[tuple[Rows, Array]]:
-        """Yield the runs without a gap, each with its pulses, µs, shape (n, PULSES)."""
+        """Yield the runs without a gap, each with its pulses, µs, shape (n, ALL_OUTPUTS)."""
         run: list[_RowBlock] = []
         for part in self._parts:
             if part.fresh and run:
@@ -188,7 +188,7 @@ def _before(runs: Iterable[tuple[Rows, Array]], until_s: float) -> Iterator[tupl
 def _joined(parts: list[_RowBlock]) -> tuple[Rows, Array]:
     count = len(_MEASURED)
     measured = np.concatenate([part.values[:, :count] for part in parts])
-    pulses = np.full((len(measured), PULSES), np.nan)
+    pulses = np.full((len(measured), ALL_OUTPUTS), np.nan)
     at = 0
     for part in parts:
         pulses[at : at + len(part.values), part.on] = part.values[:, count:]

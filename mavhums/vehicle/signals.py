@@ -26,9 +26,10 @@ from mavhums.log import Table
 from mavhums.vehicle.facts import SIGNALS, STEPPED, Signal
 from mavhums.vehicle.formats import by_vehicle, messages_of, reports
 from mavhums.vehicle.formats.base import FactReport, Source, wide
+from mavhums.vehicle.formats.mavlink import CLOCKS
 from mavhums.vehicle.states import kind_named, texts
 
-SIGNAL_MESSAGES: Final = messages_of(*SIGNALS, "armed", "arming", "mode", "text", "parameter")
+SIGNAL_MESSAGES: Final = CLOCKS | messages_of(*SIGNALS, "armed", "arming", "mode", "text", "parameter")
 """Messages of any format that carry signals, or what they depend on."""
 
 DERIVED: Final = 99

@@ -57,11 +57,6 @@ class SurfaceOutput(NamedTuple):
         return round(self.zero_us - half), round(self.zero_us), round(self.zero_us + half)
 
     @property
-    def number(self) -> int:
-        """The output, or the channel of a receiver that drives the servos."""
-        return self.servo - ALL_OUTPUTS if self.servo > ALL_OUTPUTS else self.servo
-
-    @property
     def side(self) -> str:
         """Return ``left`` or ``right``, or an empty text if the side is unknown."""
         return next((side for side in ("left", "right") if side in self.surface), "")
@@ -118,11 +113,6 @@ class Surfaces:
         return ()
 
     @property
-    def by_receiver(self) -> bool:
-        """Whether they are the channels of a receiver that drives the servos, and not outputs."""
-        return any(one.servo > ALL_OUTPUTS for one in self.moved)
-
-    @property
     def mixed(self) -> Mapping[str, str]:
         """Of axes that two mixed surfaces move, the other axis, where it tells the two surfaces apart.
 
@@ -164,10 +154,10 @@ class Surfaces:
         """
         moved = self.of_axis(axis)
         if moved and self.origin == "inferred":
-            return f"servo {'/'.join(str(one.number) for one in moved)}"
+            return f"servo {'/'.join(str(one.servo) for one in moved)}"
         if len(moved) < 2:
             return moved[0].kind if moved else ""
-        marks = [one.side[:1].upper() or str(one.number) for one in moved]
+        marks = [one.side[:1].upper() or str(one.servo) for one in moved]
         return f"{moved[0].kind} {'/'.join(marks)}"
 
     def names(self, axis: str) -> tuple[str, ...]:
@@ -184,8 +174,7 @@ class Surfaces:
         ('aileron (servo 4)', 'servo 4 (moves with roll)')
         """
         if self.origin != "inferred":
-            which = "channel" if self.by_receiver else "servo"
-            return f"{moved.surface} ({which} {moved.number})"
+            return f"{moved.surface} (servo {moved.servo})"
         return f"servo {moved.servo} ({self.what(moved)})"
 
     def what(self, moved: SurfaceOutput) -> str:
@@ -216,44 +205,6 @@ def of_parameters(parameters: Parameters) -> Surfaces | None:
         sign = -sign if output.is_reversed else sign
         found.append(SurfaceOutput(output.servo, surface, zero, sign * (high - low) / 2))
     return Surfaces(tuple(found), "parameters", lift_of(values)) if found else None
-
-
-def on_channels(
-    named: Surfaces | None, parameters: Parameters | None, moving: Sequence[int]
-) -> Surfaces | None:
-    """Return the channels of a receiver that drives the servos, as the outputs of the surfaces.
-
-    Parameters
-    ----------
-    named
-        What a profile names: its servo n gets channel n. None lets the parameters' map of channels decide.
-    parameters
-        Of the vehicle; None if the log has none.
-    moving
-        The channels that move, from 1; others move no surface.
-
-    Examples
-    --------
-    >>> mapped = Parameters(1, False, {"RCMAP_ROLL": 3.0, "RCMAP_PITCH": 2.0})
-    >>> found = on_channels(None, mapped, [2, 3])
-    >>> found.names("roll"), found.names("pitch"), found.names("yaw")
-    (('aileron (channel 3)',), ('elevator (channel 2)',), ())
-    """
-    if named is None and parameters is not None:
-        prefix = "RC_MAP" if parameters.is_px4 else "RCMAP"
-        # PX4 has none until it is calibrated, and ArduPilot has all or, where the log has none, the usual.
-        unusual = parameters.is_px4 or any(name.startswith(prefix) for name in parameters.values)
-        usual = (0, 0, 0) if unusual else (1, 2, 4)
-        channels = [
-            int(parameters.values.get(f"{prefix}_{a.upper()}", n)) for a, n in zip(AXES, usual, strict=True)
-        ]
-        kinds = ("aileron", "elevator", "rudder")
-        moved = [SurfaceOutput(n, kind, 1500.0, 500.0) for n, kind in zip(channels, kinds, strict=True)]
-        named = Surfaces(tuple(moved), "parameters")
-    if named is None:
-        return None
-    driven = [one._replace(servo=ALL_OUTPUTS + one.servo) for one in named.moved if one.servo in moving]
-    return Surfaces(tuple(driven), named.origin) if driven else None
 
 
 def _steering(parameters: Parameters) -> Iterator[SurfaceOutput]:

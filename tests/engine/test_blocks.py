@@ -48,7 +48,6 @@ LOGS: dict[str, tuple[Callable[[], bytes], dict[str, Any]]] = {
     "late": (Wired(seconds=130, told_s=97.3, texts=NAMED).tlog, {}),
     "motion": (Wired(seconds=130, parameters={}).tlog, {"airframe": PAPER}),
     "withdrawn": (Wired(seconds=150, coordinated_s=100.0, told_s=120.4).tlog, {"airframe": SWAPPED} | DRAWN),
-    "receiver": (Wired(idle_us=0, until_s=95.3, left=0.4).tlog, {}),
     "rover": (lambda: encoded(driven(SteeringFault(200.0, 0.5))), DRAWN),
     "quad": (lambda: hovered(0.5), DRAWN),
     **{path.name: (path.read_bytes, {}) for path in carried_logs()},

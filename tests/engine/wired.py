@@ -37,9 +37,8 @@ class Wired:
 
     ``left`` is the part of the aileron's effect that it keeps from ``lost_s`` on, ``told_s`` when
     the parameters are sent, ``named_s`` when the texts are, and ``coordinated_s`` until when servo 4 goes
-    with servo 1; ``others`` are the pulses of servos 5 to 8, in MAVLink alone. Where ``idle_us`` is not
-    None, the receiver drives the servos ``until_s``: the outputs have that pulse, 0 for none. The MAVLink
-    vehicle of this ``kind`` begins its flight ``day`` days later.
+    with servo 1; ``others`` are the pulses of servos 5 to 8, in MAVLink alone. The MAVLink vehicle of this
+    ``kind`` begins its flight ``day`` days later.
     """
 
     seconds: int = 170
@@ -52,8 +51,6 @@ class Wired:
     texts: tuple[bytes, ...] = ()
     named_s: float = 0.0
     others: Callable[[float], Sequence[int]] = lambda t: (0, 0, 0, 0)
-    idle_us: int | None = None
-    until_s: float = 1e9
     kind: int = 1
     armed: bool = True
     speed: float = 18.0
@@ -74,10 +71,6 @@ class Wired:
         for t, a, e, r, p in zip(*(column.tolist() for column in columns), strict=True):
             yield t, [round(1500 + 400 * a), round(1500 + 400 * e), 1600, round(1500 + 400 * r)], p
 
-    def outputs(self, t: float, pulses: list[int]) -> list[int]:
-        """Return the pulses of servos 1 to 4 as the autopilot gives them."""
-        return pulses if self.idle_us is None or t >= self.until_s else [self.idle_us] * 4
-
     def tlog(self) -> bytes:
         link = v2.MAVLink(None, srcSystem=1, srcComponent=1)
         sent: list[tuple[float, Any]] = []
@@ -90,13 +83,11 @@ class Wired:
             if round(t * _RATE_HZ) % _RATE_HZ == 0:
                 sent.append((t, v2.MAVLink_heartbeat_message(self.kind, 3, 128 * self.armed, 10, 4, 3)))
             sent += [
-                (t, v2.MAVLink_servo_output_raw_message(us, 0, *self.outputs(t, pulses), *self.others(t))),
+                (t, v2.MAVLink_servo_output_raw_message(us, 0, *pulses, *self.others(t))),
                 (t, v2.MAVLink_raw_imu_message(us, 0, 0, -1000, round(1000 * p), 0, 0, 0, 0, 0)),
                 (t, v2.MAVLink_attitude_message(ms, 0.0, 0.0, 0.0, p, 0.0, 0.0)),
                 (t, v2.MAVLink_vfr_hud_message(self.speed, self.speed, 0, 50, 100.0, 0.0)),
             ]
-            if self.idle_us is not None:
-                sent.append((t, v2.MAVLink_rc_channels_message(ms, 4, *pulses, *[65535] * 14, 255)))
         sent.sort(key=lambda one: one[0])
         start_us = START_US + self.day * 86_400_000_000
         return b"".join(
@@ -108,7 +99,6 @@ class Wired:
             "PARM": (4, "QNf", "TimeUS,Name,Value"),
             "MSG": (5, "QZ", "TimeUS,Message"),
             "RCOU": (9, "QHHHH", "TimeUS,C1,C2,C3,C4"),
-            "RCIN": (8, "QHHHH", "TimeUS,C1,C2,C3,C4"),
             "IMU": (10, "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
             "ATT": (11, "QccccCC", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw"),
             "ARSP": (12, "QBf", "TimeUS,I,Airspeed"),
@@ -133,9 +123,7 @@ class Wired:
             if round(t * _RATE_HZ) % _RATE_HZ == 0:
                 put("STAT", t, 1, 1.0, 1)
                 put("GPS", t, 0, 3, round(1000 * t), 2300, _SPEED, 0.0)
-            put("RCOU", t, *self.outputs(t, pulses))
-            if self.idle_us is not None:
-                put("RCIN", t, *pulses)
+            put("RCOU", t, *pulses)
             put("IMU", t, 0, p, 0.0, 0.0, 0.0, 0.0, -9.81)
             put("ATT", t, 0, 0, 0, 0, 0, 0)
             put("ARSP", t, 0, _SPEED)
@@ -150,7 +138,6 @@ class Wired:
             "vehicle_status": "uint64_t timestamp;uint8_t arming_state;uint8_t system_type;"
             "uint8_t nav_state;uint8_t[5] _padding0;",
             "vehicle_local_position": "uint64_t timestamp;float vx;float vy;float z;uint8_t[4] _padding0;",
-            "input_rc": "uint64_t timestamp;uint16_t[18] values;uint8_t[4] _padding0;",
         }
         out = [writer.header(), *(writer.form(name, fields) for name, fields in topics.items())]
         untold = [writer.parameter(name, value) for name, value in self.parameters.items()]
@@ -160,10 +147,7 @@ class Wired:
         for t, pulses, p in self.rows():
             now = 1_000_000 + round(t * 1e6)
             out += [untold.pop(0) for _ in self.parameters] if untold and t >= self.told_s else []
-            outputs = self.outputs(t, pulses)
-            out.append(writer.data(0, struct.pack("<QI16f4x", now, 4, *outputs, *[0.0] * 12)))
-            if self.idle_us is not None:
-                out.append(writer.data(6, struct.pack("<Q18H4x", now, *pulses, *[0] * 14)))
+            out.append(writer.data(0, struct.pack("<QI16f4x", now, 4, *pulses, *[0.0] * 12)))
             out.append(writer.data(1, struct.pack("<Q6f", now, p, 0.0, 0.0, 0.0, 0.0, -9.81)))
             out.append(writer.data(2, struct.pack("<Q4f", now, 1.0, 0.0, 0.0, 0.0)))
             out.append(writer.data(3, struct.pack("<Qf4x", now, _SPEED)))

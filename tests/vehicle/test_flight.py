@@ -14,7 +14,6 @@ from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces, of_parameters
-from mavhums.vehicle.usage import BAND_US
 from mavhums.vehicle.vtol import hovers, lift_of, refined_identity, rotor_servos, turns_its_motors
 from tests.present import present
 from tests.vehicle.tables import seconds_of
@@ -170,35 +169,6 @@ def test_only_spacings_in_flight_count_and_the_middle_one_tells_the_rate() -> No
     assert flight.rate_hz("outputs") == pytest.approx(1 / 0.0405)
     assert flight.rate_hz("rates") == pytest.approx(1 / 0.0205)
     assert np.unique(rows.spacing).tolist() == [0.04], "the longer one; of one that is unknown the other"
-
-
-def test_the_receiver_moves_the_servos_until_an_output_has_a_pulse() -> None:
-    flight = Flight(None)
-    part = seconds(3)
-    for name, spacing in (("receiver", 0.3), ("outputs", np.nan), ("outputs_2", 0.2), ("rates", 0.1)):
-        part.signals[f"{name}_spacing"][:] = spacing
-    part.signals["outputs_2"][1, 5] = 1500.0
-    [rows] = flight.feed(part)
-    assert rows.spacing.tolist() == [0.3] * (RATE_HZ + 5) + [0.2] * (2 * RATE_HZ - 5)
-    assert flight.has_pulses
-    part.signals["outputs_2"][:] = np.nan
-    [rows] = flight.feed(replace(part, index=part.index + 3))
-    assert set(rows.spacing.tolist()) == {0.2}, "it had one"
-
-
-@pytest.mark.parametrize(
-    ("output_us", "channel_us", "expected"),
-    [(0.0, 50.0, (2,)), (0.0, 400.0, (2,)), (0.0, 49.0, ()), (BAND_US - 1, 50.0, (2,)), (BAND_US, 50.0, ())],
-)
-def test_channels_that_move_drive_the_servos_if_no_output_does(
-    output_us: float, channel_us: float, expected: tuple[int, ...]
-) -> None:
-    part = seconds(5)
-    part.signals["outputs"][:, :, 3] = part.signals["receiver"][:, :, 1:3] = 1500.0
-    part.signals["outputs"][4, 0, 3] += output_us
-    part.signals["receiver"][4, 0, 1] += channel_us
-    part.signals["receiver"][0, 0, 2] += 400.0  # not in flight
-    assert flown(part).by_receiver == expected
 
 
 def test_who_only_steers_drives_even_where_the_kind_is_not_known() -> None:

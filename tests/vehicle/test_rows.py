@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mavhums.vehicle.facts import PULSES
+from mavhums.vehicle.facts import ALL_OUTPUTS
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import PastRows, Rows
 from tests.present import present
@@ -22,7 +22,7 @@ def part(second: int, seconds: int, *, fresh: bool = False) -> tuple[Rows, np.nd
     odd = np.floor(time_s) % 2 == 1
     arrays: dict[str, Any] = {one.name: odd if one.name in FLAGS else time_s for one in fields(Rows)[2:]}
     arrays["outputs"] = np.zeros((len(time_s), 3))
-    pulses = np.full((len(time_s), PULSES), np.nan)
+    pulses = np.full((len(time_s), ALL_OUTPUTS), np.nan)
     pulses[:, 2] = 1000.0 + time_s
     return Rows(second, fresh, **arrays), pulses
 

@@ -14,7 +14,6 @@ from mavhums.vehicle.surfaces import (
     SurfaceOutput,
     Surfaces,
     of_parameters,
-    on_channels,
 )
 from mavhums.vehicle.vtol import lift_of
 from tests.health.axis.flights import Array
@@ -125,29 +124,6 @@ def test_what_steers_a_rover_by_its_parameters() -> None:
     ):
         found = of_parameters(Parameters(1, px4, values))
         assert found is None or found.axes == AXES
-
-
-def test_channels_of_a_receiver_that_drives_the_servos() -> None:
-    """Of the profile, servo n is channel n; else the map of channels, which PX4 has none of by default."""
-    aileron = SurfaceOutput(1, "aileron", 1480.0, 300.0)
-    profile = Surfaces((aileron, SurfaceOutput(2, "elevator", 1500.0, 400.0)), "profile")
-    found = on_channels(profile, Parameters(1, False, {"RCMAP_ROLL": 3.0}), [1, 3])
-    assert found == Surfaces((aileron._replace(servo=33),), "profile")
-    assert found.by_receiver
-    assert found.moved[0].number == 1
-    for values, px4, servos in (
-        ({}, False, [33, 34, 36]),
-        ({"RCMAP_YAW": 3.0}, False, [35]),  # the others were lost
-        ({}, True, []),
-        ({"RC_MAP_PITCH": 4.0}, True, [36]),
-    ):
-        channels = on_channels(None, Parameters(1, px4, values), range(1, 17))
-        assert [one.servo for one in channels.moved] == servos if channels else not servos
-        if channels and servos[0] == 33:
-            assert channels.moved[0] == SurfaceOutput(33, "aileron", 1500.0, 500.0)
-    assert [SurfaceOutput(n, "rudder", 1500, 400).number for n in (1, 32, 33, 48)] == [1, 32, 1, 16]
-    assert on_channels(None, None, [1, 2, 3, 4]) is None
-    assert on_channels(profile, None, [3]) is None
 
 
 def test_an_axis_has_a_short_name_for_alerts() -> None:

@@ -36,7 +36,6 @@ def fact(name: str, *tables: Table) -> Any:
 
 
 OUTPUTS = {f"servo{n}_raw": 1000 + n for n in range(1, 17)}
-CHANNELS = {f"chan{n}_raw": 1000 + n for n in range(1, 17)}
 GYRO = {"xgyro": 100, "ygyro": -200, "zgyro": 300}
 FORCE = {"xacc": 1000, "yacc": 500, "zacc": -1000}
 HEARTBEAT = {"type": 2, "autopilot": 3, "base_mode": 81, "custom_mode": 5}
@@ -85,8 +84,6 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     ("SERVO_OUTPUT_RAW", {"port": 1, **OUTPUTS}, "outputs_2", [*[NAN] * 16, *range(1001, 1017)]),
     ("SERVO_OUTPUT_RAW", {"port": 0, **OUTPUTS, "servo2_raw": 65535, "servo3_raw": 0, "servo4_raw": 800},
      "outputs", [1001, NAN, NAN, 800, *range(1005, 1017)]),
-    ("RC_CHANNELS", {**CHANNELS, "chan2_raw": 65535}, "receiver", [1001, NAN, *range(1003, 1017)]),
-    ("RC_CHANNELS_RAW", {"port": 0, **CHANNELS}, "receiver", [*range(1001, 1009), *[NAN] * 8]),
     # ArduPilot's log messages: rad/s and m/s² of the IMU, degrees of the attitude and the course
     *(("STAT", {"Armed": n, "isFlying": 0}, "armed", [3, n]) for n in (0, 1)),
     *(("ARM", {"ArmState": n}, "arming", [3, n]) for n in (0, 1)),
@@ -96,7 +93,6 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     ("RCOU", {"C1": 1500, "C14": 1100, "C15": 0}, "outputs", [1500, *[NAN] * 12, 1100, NAN, NAN]),
     ("RCO2", {"C15": 1500, "C32": 1100}, "outputs_2", [*[NAN] * 14, 1500, *[NAN] * 16, 1100]),
     ("RCO3", {"C32": 1100}, "outputs_3", [*[NAN] * 31, 1100]),
-    ("RCIN", {"C1": 1500, "C14": 1100, "C15": 0}, "receiver", [1500, *[NAN] * 12, 1100, NAN, NAN]),
     ("IMU", {"I": 0, "GyrX": 1.0, "GyrY": 2.0, "GyrZ": 3.0}, "rates", [1, 2, 3]),
     ("IMU", {"AccX": 1.0, "AccY": 2.0, "AccZ": 3.0}, "force", [1, 2, 3]),  # before there were several
     ("RATE", {"ROut": 0.1, "POut": 0.2, "YOut": 0.3, "AOut": 0.4}, "mixer", [0.1, 0.2, 0.3, 0.4]),
@@ -170,7 +166,6 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     ("vehicle_air_data", {"baro_alt_meter": 50.0}, "altitude", [50]),
     ("vtol_vehicle_status", {"vehicle_vtol_state": 4}, "vtol", [4]),
     *(("vehicle_land_detected", {"landed": n}, "landed", [2 - n]) for n in (0, 1)),
-    ("input_rc", {"values": [1500, 1400, *[0] * 16]}, "receiver", [1500, 1400, *[NAN] * 14]),
     ("vehicle_status", {"nav_state": 4}, "mode", [12, -1, 0, 4]),
     ("vehicle_status", {"system_type": 22}, "autopilot", [22, 12]),
     ("vehicle_status", {"timestamp": 1500}, "uptime", 1500),

@@ -69,7 +69,7 @@ def _candidates(findings: AxisFindings, surfaces: Surfaces) -> tuple[Candidate, 
     found = [
         Candidate(
             surface=surfaces.what(one),
-            servo=one.number,
+            servo=one.servo,
             probability=min(round(shares[one.servo], 2), MOST_CONFIDENCE) if is_certain else None,
             because="the demand about one axis moves the aircraft about the other" if is_certain else None,
         )
@@ -114,13 +114,8 @@ def verdict_of_axis(
         reasons.append(Reason("late_reference", judged_from_s=findings.coverage.judged_from_s))
     axis = findings.axis
     # Inferred outputs, and those instead of a profile's, have another scale than in other flights.
-    comparable = (
-        surfaces is not None
-        and surfaces.origin != "inferred"
-        and not surfaces.by_receiver
-        and axis not in surfaces.contradicted
-    )
-    origin = {} if surfaces is None else {"V1": f"{_command(surfaces)}, by {_origin(surfaces, axis)}"}
+    comparable = surfaces is not None and surfaces.origin != "inferred" and axis not in surfaces.contradicted
+    origin = {} if surfaces is None else {"V1": f"servo outputs, by {_origin(surfaces, axis)}"}
     origin |= _measured(axis, flight, grid)
     coverage = findings.coverage
     late = sum(counts.late for counts in received.values())
@@ -169,12 +164,6 @@ def _measured(axis: str, flight: Flight, grid: Grid) -> dict[str, str]:
         if used:
             found[signal] = ", ".join(f"{name} for {s} s" if len(used) > 1 else name for name, s in used)
     return found
-
-
-def _command(surfaces: Surfaces) -> str:
-    if surfaces.by_receiver:
-        return "the receiver's channels, for no output has a pulse and the receiver drives the servos"
-    return "servo outputs"
 
 
 def _origin(surfaces: Surfaces, axis: str) -> str:

@@ -140,9 +140,7 @@ def why_not_at_all(
         return (Reason("unknown_kind"),)
     if not kinds & _WINGED_TYPES and not flight.on_ground:
         return (Reason("no_wings", who=" and ".join(map(in_words, sorted(kinds)))),)
-    # Of a receiver that drives the servos, each axis tells.
-    heard = flight.heard | ({"outputs"} if flight.by_receiver else set())
-    missing = {name: words for name, words in _NEEDED.items() if name not in heard}
+    missing = {name: words for name, words in _NEEDED.items() if name not in flight.heard}
     # The messages are there: recording more of them would not help.
     if missing and (late := disorder(received)):
         return (Reason("no_sample_in_time", signals=" and ".join(missing.values()), samples=late),)
@@ -252,10 +250,6 @@ def _obstacles(
 ) -> Iterator[Reason]:
     axis = findings.axis
     outputs = surfaces.of_axis(axis) if surfaces else ()
-    if flight.by_receiver and not (surfaces and surfaces.by_receiver and outputs):
-        channels = ", ".join(map(str, flight.by_receiver))
-        yield Reason("by_receiver" if flight.has_pulses else "only_receiver", channels=channels)
-        return
     if findings.reference is None:
         yield from _unmeasured(findings, flight, received)
     usable_s = findings.usable_s if outputs else flight.flown_s

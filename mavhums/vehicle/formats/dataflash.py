@@ -58,7 +58,7 @@ def _first_sensor(table: Table) -> Flags:
 
 
 def _channel(table: Table, number: int) -> str | None:
-    """Return the field of an output or a channel, which Copter before 3.4 names ``Ch``; None without one."""
+    """Return the field of an output, which Copter before 3.4 names ``Ch``; None without one."""
     return next((field for field in (f"C{number}", f"Ch{number}") if table.holds({field: 1})), None)
 
 
@@ -157,7 +157,6 @@ SOURCES: Final = (
     Source("landed", "EV", {"Id": 1}, _landing, lambda t: np.isin(t["Id"], [*_LANDINGS])),
     Source("outputs_2", "RCO2", {}, _outputs(ALL_OUTPUTS)),
     Source("outputs_3", "RCO3", {}, _outputs(ALL_OUTPUTS)),
-    Source("receiver", "RCIN", {}, _outputs(OUTPUTS)),
     plain("rates", "IMU", "GyrX", "GyrY", "GyrZ", rows=_first_sensor),
     plain("force", "IMU", "AccX", "AccY", "AccZ", rows=_first_sensor),
     plain("mixer", "RATE", "ROut", "POut", "YOut", "AOut"),

@@ -46,6 +46,9 @@ STAMPS: Final = ("time_boot_ms", "time_usec")
 _NOT_OWN_TIME: Final = frozenset({"SYSTEM_TIME", "GPS_RAW_INT", "GPS2_RAW", "GPS_INPUT", "HIL_GPS"})
 """Messages whose stamp may be the satellites' time, or that of the last fix: they show no clock."""
 
+CLOCKS: Final = frozenset({"RC_CHANNELS", "RC_CHANNELS_RAW"})
+"""Stamped messages that nothing is read from: they come often, and on a bad link each stamp counts."""
+
 _CUSTOM_MODE: Final = 1  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 _ARMED: Final = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 _NO_ATTITUDE: Final = 1 << 7  # ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
@@ -53,8 +56,6 @@ _ARDUPILOT_ID_BYTES: Final = 12  # of uid2's 18: the others are zero in ArduPilo
 
 _SERVO_FIELDS: Final = tuple(f"servo{n}_raw" for n in range(1, OUTPUTS + 1))
 _SERVOS: Final = {"port": 1, **dict.fromkeys(_SERVO_FIELDS, 1)}
-_CHANNELS: Final = tuple(f"chan{n}_raw" for n in range(1, OUTPUTS + 1))
-_OLD_CHANNELS: Final = 8  # of the message that came before
 _HEARTBEAT: Final = dict.fromkeys(("type", "autopilot", "base_mode", "custom_mode"), 1)
 _VERSION: Final = {"uid2": 18, "uid": 1, "flight_sw_version": 1}
 
@@ -80,10 +81,6 @@ def mode_name(autopilot: int, kind: int, base_mode: int, number: int) -> str:
 
 def _outputs(table: Table) -> Array:
     return pulses(columns(table, *_SERVO_FIELDS))
-
-
-def _channels(table: Table, count: int) -> Array:
-    return wide(pulses(columns(table, *_CHANNELS[:count])), 0)[:, :OUTPUTS]
 
 
 def _port(number: int) -> Any:
@@ -166,14 +163,6 @@ SOURCES: Final = (
     Source("state", "HEARTBEAT", _HEARTBEAT, _state, _has_autopilot, all_components=True),
     Source("outputs", "SERVO_OUTPUT_RAW", _SERVOS, _outputs, _port(0)),
     Source("outputs_2", "SERVO_OUTPUT_RAW", _SERVOS, lambda t: wide(_outputs(t), OUTPUTS), _port(1)),
-    Source("receiver", "RC_CHANNELS", dict.fromkeys(_CHANNELS, 1), lambda t: _channels(t, OUTPUTS)),
-    Source(
-        "receiver",
-        "RC_CHANNELS_RAW",
-        {"port": 1, **dict.fromkeys(_CHANNELS[:_OLD_CHANNELS], 1)},
-        lambda t: _channels(t, _OLD_CHANNELS),
-        _port(0),
-    ),
     plain("rates", "HIGHRES_IMU", *_MILLI_RATES),
     *(plain("rates", name, *_MILLI_RATES, scale=1e-3) for name in _MILLI_IMUS),
     plain("rates", "ATTITUDE", "rollspeed", "pitchspeed", "yawspeed"),

@@ -40,7 +40,6 @@ _MAIN, _AUX = 0, 1  # places of actuator_outputs, see px4_buses
 _ESCS: Final = 12  # in a record, and motors in a mask, at most
 _DETECTOR: Final = "failure_detector_status"
 _DETECTED: Final = ("fd_arm_escs", "fd_imbalanced_prop", "fd_motor", "motor_failure_mask")
-_CHANNELS: Final = 18  # of input_rc
 _FIRST_SENSOR, _LAST_SENSOR = 1, 3  # airspeed_validated.SOURCE_SENSOR_1 and 3
 _INFO: Final = {"name": TEXT, "value": TEXT}
 
@@ -183,7 +182,6 @@ SOURCES: Final = (
         lambda t: wide(_outputs(t), OUTPUTS),
         lambda t: t.component == _AUX,
     ),
-    Source("receiver", "input_rc", {"values": _CHANNELS}, lambda t: pulses(t["values"][:, :OUTPUTS] * 1.0)),
     _vector("rates", "sensor_combined", "gyro_rad"),
     _vector("rates", "vehicle_angular_velocity", "xyz"),
     _vector("force", "sensor_combined", "accelerometer_m_s2"),

@@ -32,7 +32,7 @@ def flight(**changes: Any) -> Any:
     """Return what the reasons ask of a flight: a healthy one of five minutes, but for the changes."""
     lasted = changes.pop("lasted", {})
     rates = changes.pop("rates", {"outputs": 10.0, "rates": 25.0})
-    told = {"kinds": {PLANE}, "autopilots": {3}, "parameters": (), "heard": HEARD, "by_receiver": ()}
+    told = {"kinds": {PLANE}, "autopilots": {3}, "parameters": (), "heard": HEARD}
     moved = {"on_ground": False, "steers": False, "fastest": 20.0}
     seconds = {"flown_s": 300, "doubted_s": 0, "settled_s": 300}
     asked = {"lasted_s": lambda what: lasted.get(what, 0.0), "rate_hz": rates.get}
@@ -119,7 +119,6 @@ def undecided(one: AxisFindings, surfaces: Surfaces | None = KNOWN, **changes: A
 
 STEERS = Surfaces(outputs(steering=1), "parameters")
 NO_ROLL = replace(KNOWN, moved=MOVED[1:])
-CHANNELS = replace(KNOWN, moved=outputs(aileron=33))
 WRONG = replace(KNOWN, origin="profile", contradicted={"roll": "servo 1 is a throttle"})
 BY_LOG = replace(WRONG, by_log=frozenset({"roll"}))
 SLOW = {"rates": {"outputs": 5.0, "rates": 25.0}}
@@ -138,10 +137,6 @@ SHORT: dict[str, Any] = {"usable_s": 44}
         ("roll", {}, None, {"flown_s": 44}, "outputs_unknown", True),
         ("roll", {}, NO_ROLL, {}, "moved_by_none", True),
         ("roll", {}, replace(NO_ROLL, origin="profile"), {}, "moved_by_unknown", True),
-        ("roll", {}, None, {"by_receiver": (1, 3), "has_pulses": True}, "by_receiver", True),
-        ("roll", {}, KNOWN, {"by_receiver": (1, 3), "has_pulses": False}, "only_receiver", True),
-        ("pitch", {}, CHANNELS, {"by_receiver": (1, 3), "has_pulses": False}, "only_receiver", True),
-        ("roll", {}, CHANNELS, {"by_receiver": (1, 3), "has_pulses": False}, "only_receiver", False),
         # A contradicted profile is named where it matters.
         ("roll", {}, WRONG, {}, "outputs_contradicted", True),
         ("yaw", {}, WRONG, {}, "outputs_contradicted", False),
