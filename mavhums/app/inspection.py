@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 from mavhums.actuator.contradictions import Contradiction, against_log
@@ -36,7 +35,7 @@ from mavhums.vehicle.identity import IDENTITY_MESSAGES, Identities, Identity
 from mavhums.vehicle.signals import SIGNAL_MESSAGES
 from mavhums.vehicle.states import TEXT_MESSAGES
 from mavhums.vehicle.usage import NAMED_MESSAGES, NamedValues
-from mavhums.vehicle.vtol import refined_identity, rotor_servos
+from mavhums.vehicle.vtol import refined_identity
 
 _UNDATED: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -146,7 +145,7 @@ def _vehicle(identity: Identity, sent: Tier | None, mapper: Mapper | None, axes:
         judged=judged,
         remedy=_remedy(airframe, tier, sent, identity, found),
         actuators=tuple(map(_telemetry, tracks)),
-        subjects=tuple(_judgeable(identity, sent, mapper, followed, rotors=rotor_servos(parameters.values))),
+        subjects=tuple(_judgeable(identity, sent, mapper, followed)),
         usage=vehicle_usage(identity, followed, parameters, airframe) if followed else None,
     )
 
@@ -189,8 +188,6 @@ def _judgeable(
     sent: Tier | None,
     mapper: Mapper | None,
     axes: VehicleAxes | None,
-    *,
-    rotors: Mapping[int, str] = MappingProxyType({}),
 ) -> Iterator[Judgeable]:
     """Yield what can and cannot be judged of a vehicle, with reasons: its axes first, then its actuators.
 
@@ -204,8 +201,6 @@ def _judgeable(
         The mapper of its profile; None without one.
     axes
         The axes that followed its flight; None if it reported nothing about its flight.
-    rotors
-        What the servos of a helicopter's rotors move, by output.
     """
     motors = False
     for verdict in axes.verdicts(identity, _UNDATED) if axes else ():
@@ -218,7 +213,7 @@ def _judgeable(
             yield _said(verdict.model_copy(update={"actuator": MOTORS}), judged=judged)
     if mapper is None:
         surfaces = axes.surfaces if axes else None
-        for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces=surfaces, rotors=rotors):
+        for verdict in unjudged_vehicle(identity.vehicle, sent, identity, surfaces):
             if not motors or "multirotor" not in verdict.reason_codes:
                 yield _said(verdict, judged=False)
         return

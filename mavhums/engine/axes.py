@@ -22,7 +22,7 @@ from mavhums.vehicle.formats.base import FactReport
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
 from mavhums.vehicle.rotors import ROTOR_PARAMETERS
-from mavhums.vehicle.signals import Bursts, SignalReader
+from mavhums.vehicle.signals import SignalReader, fast_forces
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
 _FUNCTIONS: Final = (*OUTPUT_PARAMETERS, *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
@@ -54,7 +54,6 @@ class Axes:
         self._received = ReceivedParameters()
         self._vehicles: dict[int, VehicleAxes] = {}
         self._announced: list[tuple[int, int, Airframe]] = []
-        self._bursts = Bursts()
 
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
         """Return the axes of a vehicle; None if it reported nothing about its flight."""
@@ -115,7 +114,7 @@ class Axes:
                 self._vehicles[vehicle].motors.hear_speed(esc, time_s, speeds)
             if admits(vehicle):
                 self._events.of(vehicle).hear_source(f"ESC {esc + 1}", time_s)
-        for vehicle, source, time_us, force in self._bursts.feed(tables):
+        for vehicle, source, time_us, force in fast_forces(tables):
             if vehicle in self._vehicles:
                 time_s = (time_us - start_us) / 1e6
                 self._vehicles[vehicle].motors.vibration.hear_force(source, time_s, force)

@@ -60,7 +60,7 @@ from mavhums.vehicle.states import (
     texts,
 )
 from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES
-from mavhums.vehicle.vtol import refined_identity, rotor_servos
+from mavhums.vehicle.vtol import refined_identity
 
 _SILENT_LOOKS: Final = 30
 """How often a silent vehicle is shown as it was: 255 that said something once cost 4 % of a core else."""
@@ -328,8 +328,7 @@ class Engine:
         if mapper is None:
             followed = self._axes.vehicle(vehicle)
             surfaces = followed.surfaces if followed else None
-            rotors = rotor_servos(self._axes.parameters(vehicle).values)
-            yield from unjudged_vehicle(vehicle, tier, self._who(vehicle), surfaces=surfaces, rotors=rotors)
+            yield from unjudged_vehicle(vehicle, tier, self._who(vehicle), surfaces)
         elif not self._vehicle_limit.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST_VEHICLES)
         else:

@@ -79,8 +79,6 @@ REPORTS: Final[Mapping[str, str]] = {
     "autopilot faults": "the same",
     "servo rail": "voltage of the rail that feeds the servos, V; (n, 1)",
     "named value": "name of a value that a script or the autopilot sends; text (n,)",
-    "burst": "of an accelerometer: number, µs from the record to the first sample, Hz, divisor; (n, 4)",
-    "burst samples": "number of the burst and of the part, and 32 samples of each axis, raw; (n, 98)",
     "fast force": "µs from the record to the sample, and specific force as in ``force``; (n, 4)",
     "script value": "name of a number that a script sends and a profile can map; text (n,)",
 }

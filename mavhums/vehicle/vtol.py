@@ -35,8 +35,7 @@ _FRAME_CLASSES: Final[dict[float, str]] = {
     7: "tricopter",
 }
 """Kinds by ArduCopter's FRAME_CLASS, as its heartbeats name them."""
-_HELICOPTERS: Final = {6: 3, 11: 6, 13: 8}  # FRAME_CLASS: number of servos that move the main rotors
-_TAIL_ROTOR: Final = 3  # motor number, of the helicopter with one rotor
+_HELICOPTERS: Final = (6, 11, 13)  # FRAME_CLASS
 
 _MOST_IDLE: Final = 0.5  # share of the range: a damaged parameter cannot hide the motors permanently
 
@@ -206,25 +205,6 @@ def refined_identity(identity: Identity, values: Mapping[str, float]) -> Identit
 def turns_its_motors(values: Mapping[str, float]) -> bool:
     """Return whether some of an ArduPlane's lift motors pull forward, too: a tiltrotor, a tailsitter."""
     return _tilts(values) or _is_tailsitter(values)
-
-
-def rotor_servos(values: Mapping[str, float]) -> dict[int, str]:
-    """Return what the servos of a helicopter's rotors move, by output; empty for any other vehicle.
-
-    Examples
-    --------
-    >>> rotor_servos({"FRAME_CLASS": 6.0, "SERVO1_FUNCTION": 33.0, "SERVO4_FUNCTION": 36.0})
-    {1: 'swashplate 1', 4: 'tail rotor'}
-    """
-    count = _HELICOPTERS.get(int(values.get("FRAME_CLASS", 0.0)), 0)
-    found = {}
-    for n, function in functions_of(values).items():
-        number = MOTORS.get(function, count + 1)
-        if number < count:
-            found[n] = f"swashplate {number + 1}"
-        elif number == count == _TAIL_ROTOR:
-            found[n] = "tail rotor"
-    return found
 
 
 def _mask(values: Mapping[str, float], name: str) -> int:

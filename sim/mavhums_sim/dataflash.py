@@ -41,8 +41,6 @@ _TYPES = {
     "CSRV": (74, "QBfffBfffffB", "TimeUS,Id,Pos,Force,Speed,Pow,PosCmd,V,A,MotT,PCBT,Err"),
     "DSF": (75, "QIHIIII", "TimeUS,Dp,Blk,Bytes,FMn,FMx,FAv"),
     "IMU": (76, "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"),
-    "ISBH": (78, "QHBBHHQf", "TimeUS,N,type,instance,mul,smp_cnt,SampleUS,smp_rate"),
-    "ISBD": (79, "QHHaaa", "TimeUS,N,seqno,x,y,z"),
     "ACC": (80, "QBQfff", "TimeUS,I,SampleUS,AccX,AccY,AccZ"),
     "EDT2": (81, "QBBBB", "TimeUS,Instance,Stress,MaxStress,Status"),
     "POS": (77, "QLLfff", "TimeUS,Lat,Lng,Alt,RelHomeAlt,RelOriginAlt"),

@@ -14,7 +14,7 @@ from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import SurfaceOutput, Surfaces, of_parameters
-from mavhums.vehicle.vtol import hovers, lift_of, refined_identity, rotor_servos, turns_its_motors
+from mavhums.vehicle.vtol import hovers, lift_of, refined_identity, turns_its_motors
 from tests.present import present
 from tests.vehicle.tables import seconds_of
 
@@ -261,14 +261,10 @@ def test_kinds_that_parameters_tell() -> None:
     ):
         assert refined_identity(plane, values).kind == kind
         assert turns_its_motors(values) == turns
-    for frame, count in ((6.0, 3), (11.0, 6), (13.0, 8)):
+    for frame in (6.0, 11.0, 13.0):
         assert refined_identity(copter, {"FRAME_CLASS": frame}) == Identity(1, "helicopter")
         assert refined_identity(plane, {"FRAME_CLASS": frame}) == plane
-        servos = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 9)} | {"FRAME_CLASS": frame}
-        expected = {n: f"swashplate {n}" for n in range(1, count + 1)}
-        assert rotor_servos(servos) == expected | ({4: "tail rotor"} if count == 3 else {})
     assert refined_identity(copter, {"FRAME_CLASS": 1.0}) == copter
-    assert rotor_servos({"FRAME_CLASS": 1.0, "SERVO1_FUNCTION": 33.0}) == {}
 
 
 def test_where_a_quadplane_hovers() -> None:

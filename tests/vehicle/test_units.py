@@ -187,8 +187,8 @@ def test_of_a_fact(message: str, fields: dict[str, Any], name: str, expected: An
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
 
 
-def test_every_numeric_fact_is_here_or_of_the_outputs_or_of_bursts() -> None:
-    elsewhere = {"text", "named value", "script value", "firmware", "board", "burst", "burst samples"}
+def test_every_numeric_fact_is_here_or_of_the_outputs() -> None:
+    elsewhere = {"text", "named value", "script value", "firmware", "board"}
     told = {(message, name) for message, _, name, _ in FACTS}
     untold = [(s.message, s.fact) for form in FORMATS for s in form.SOURCES if s.fact not in elsewhere]
     assert {message for message, name in untold if (message, name) not in told} == {"actuator_outputs"}

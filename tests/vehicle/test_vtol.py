@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mavhums.vehicle.vtol import lift_of, rotor_servos
+from mavhums.vehicle.vtol import lift_of
 
 # A tiltrotor: motors 1 and 3 tilt, motor 2 lifts only, servo 8 tilts.
 TILTROTOR = {"Q_ENABLE": 1.0, "Q_TILT_MASK": 0b101}
@@ -76,8 +76,6 @@ def test_a_motor_lifts_and_turns_at_each_output(servo: int, known: bool) -> None
     assert lift_of({f"SERVO{servo}_FUNCTION": 33.0}).servos == ({servo} if known else set())
     tilts = lift_of({f"SERVO{servo}_FUNCTION": 41.0, "Q_TILT_MASK": 1.0}).tilts
     assert tilts == (((servo, 1100.0, 1900.0),) if known else ())
-    found = rotor_servos({f"SERVO{servo}_FUNCTION": 36.0, "FRAME_CLASS": 6.0})
-    assert found == ({servo: "tail rotor"} if known else {})
 
 
 def test_tilted_motors_lift_until_they_point_forward() -> None:

@@ -31,7 +31,7 @@ UNBALANCE: Final = "unbalance"
 
 _WINDOW_S: Final = 0.5
 """Longer ones need a phase that reports of 10 Hz do not have; shorter ones tell no rotors 2 Hz apart."""
-_LEAST_S: Final = 0.2  # of samples in a window: a burst ends somewhere
+_LEAST_S: Final = 0.2  # of samples in a window: a record may begin or break off in it
 _LEAST_HZ: Final = 100.0  # of samples: slower ones are a stream that lost most of them
 _LEAST_FREEDOM: Final = 20
 _MOST_SAMPLES: Final = 4096  # in a window
@@ -132,7 +132,6 @@ class RotorVibration:
         whole: Flags = np.all(flown.reshape(-1, RATE_HZ), axis=1)
         self._pending += (first_s + np.flatnonzero(whole)).tolist()
         now = first_s + len(whole)
-        # Bursts are written some seconds after they were sampled.
         while self._pending and self._pending[0] < now - _LATE_S:
             self._take(self._pending.pop(0), self._blocks)
         self.forget(now - _LATE_S - 2.0)

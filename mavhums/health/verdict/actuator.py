@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
@@ -129,24 +128,18 @@ def unjudged_vehicle(
     vehicle: int | None,
     tier: Tier | None,
     identity: Identity | None = None,
-    *,
     surfaces: Surfaces | None = None,
-    rotors: Mapping[int, str] = MappingProxyType({}),
 ) -> Iterator[Verdict]:
     """Yield the verdicts on the actuators of a vehicle without a profile, or on a log without a vehicle.
 
-    If the servos give no feedback, each servo that is known to move a surface, or a helicopter's rotor, is
-    unmonitored.
+    If the servos give no feedback, each servo that is known to move a surface is unmonitored.
     """
-    names = [f"{what} (servo {servo})" for servo, what in rotors.items()]
-    if surfaces is not None and (tier is None or not tier.judged):
-        names = names or [surfaces.named(moved) for moved in surfaces.moved]
-    if vehicle is not None and names:
-        yield from (_unmonitored(vehicle, name, tier, {}) for name in names)
-        return
-    why = obstacle(tier, identity) if vehicle is not None else [Reason("no_vehicle")]
     # Absence of telemetry is neither normal nor a gap in the evidence: nothing reports on the servos.
     silent = vehicle is not None and (tier is None or not tier.judged)
+    if vehicle is not None and silent and surfaces is not None:
+        yield from (_unmonitored(vehicle, surfaces.named(moved), tier, {}) for moved in surfaces.moved)
+        return
+    why = obstacle(tier, identity) if vehicle is not None else [Reason("no_vehicle")]
     condition: Condition = "unmonitored" if silent else "undecided"
     yield unjudged(vehicle, ALL, *why, condition=condition, tier=tier)
 

@@ -111,19 +111,6 @@ def _delay_us(table: Table) -> Array:
     return (table["SampleUS"].astype(np.float64) - table["TimeUS"].astype(np.float64))[:, None]
 
 
-_BURST: Final = dict.fromkeys(("TimeUS", "N", "type", "instance", "mul", "SampleUS", "smp_rate"), 1)
-_PART: Final = {"N": 1, "seqno": 1, "x": 32, "y": 32, "z": 32}
-
-
-def _burst(table: Table) -> Array:
-    return np.hstack([columns(table, "N"), _delay_us(table), columns(table, "smp_rate", "mul")])
-
-
-def _part(table: Table) -> Array:
-    axes = [table[axis].astype(np.float64) for axis in "xyz"]
-    return np.hstack([columns(table, "N", "seqno"), *axes])
-
-
 _LANDINGS: Final = {18: ON_GROUND, 28: IN_AIR}  # of events: landed, not landed
 
 
@@ -199,8 +186,6 @@ SOURCES: Final = (
     Source("supply faults", "POWR", {"Flags": 1}, lambda t: supply_faults(whole("Flags")(t))),
     plain("servo rail", "POWR", "VServo"),
     Source("named value", "NVF", {"Name": TEXT}, lambda t: t["Name"]),
-    Source("burst", "ISBH", _BURST, _burst, lambda t: (t["type"] == 0) & (t["instance"] == 0)),
-    Source("burst samples", "ISBD", _PART, _part),
     Source(
         "fast force",
         "ACC",

@@ -15,7 +15,7 @@ from mavhums_sim.closed_loop.tables import Table, boot_ms, boot_us, text_rows, w
 from mavhums_sim.dataflash import gps, records, write_records
 from mavhums_sim.link import EPOCH_US, Link
 from mavhums_sim.multirotor.flight import LOGGED_HZ, Flown
-from mavhums_sim.multirotor.vibration import bursts, esc_records, raw_records, rotor_rpm
+from mavhums_sim.multirotor.vibration import esc_records, raw_records, rotor_rpm
 
 Array = NDArray[np.float64]
 
@@ -39,14 +39,13 @@ _ARMED_S, _STANDS_S = 5.0, 12.0
 
 
 class Rates(NamedTuple):
-    """Rates of the streams, Hz; 0 for none: ``bursts`` and ``raw`` of the accelerometer on board."""
+    """Rates of the streams, Hz; 0 for none: ``raw`` of the accelerometer on board."""
 
     outputs: float = 10.0
     attitude: float = 10.0
     imu: float = 10.0
     position: float = 4.0
     esc: float = 0.0
-    bursts: float = 0.0
     raw: float = 0.0
 
 
@@ -194,8 +193,7 @@ def write_dataflash(
         gps(seconds, EPOCH_US + round(day * 86_400e6)),
     ]
     unbalance = np.zeros(flown.craft.gains.size) if unbalance_um is None else unbalance_um
-    fast = bursts(flown, unbalance, rates.bursts, seed) if rates.bursts else []
-    fast += [raw_records(flown, unbalance, rates.raw, seed)] if rates.raw else []
+    fast = [raw_records(flown, unbalance, rates.raw, seed)] if rates.raw else []
     fast += esc_records(flown, rates.esc, seed) if rates.esc else []
     for kind in fast:
         for field in {"TimeUS", "SampleUS"} & {*(kind.rows.dtype.names or ())}:

@@ -19,10 +19,6 @@ FULL_RPM: Final = 9000.0
 _BLADES_UM: Final = 2.0  # vertical motion at twice the speed
 _NOISE: Final = 1.0  # m/s², white, of each axis
 _MOST: Final = 16 * 9.80665  # m/s², range of the sensor
-_DIVISOR: Final = round(32767 / _MOST)
-_BURST: Final = 1024
-_PART: Final = 32
-_PART_S: Final = 0.02  # between the parts that the logger writes
 
 
 def rotor_rpm(flown: Flown) -> Array:
@@ -54,23 +50,6 @@ def shaken(flown: Flown, unbalance_um: Array, time_s: Array, rng: np.random.Gene
         force[:, 2] += _BLADES_UM * 1e-6 * rate**2 * np.cos(2 * angle + k)
     clipped: Array = np.clip(force, -_MOST, _MOST)
     return clipped
-
-
-def bursts(flown: Flown, unbalance_um: Array, rate_hz: float, seed: int) -> list[Kind]:
-    """Return bursts of the accelerometer, every four seconds, written while the sensor rests (ISBH, ISBD)."""
-    rng = np.random.default_rng([seed, 12])
-    starts = np.arange(0.5, flown.time_s[-1] - _BURST / rate_hz - 2.0, 4.0)
-    kinds = []
-    for number, start_s in enumerate(starts.tolist()):
-        force = shaken(flown, unbalance_um, start_s + np.arange(_BURST) / rate_hz, rng)
-        raw = np.rint(force * _DIVISOR).astype("<i2").reshape(-1, _PART, 3)
-        ended = start_s + _BURST / rate_hz
-        head = records("ISBH", np.array([ended]), N=number, mul=_DIVISOR, smp_cnt=_BURST, smp_rate=rate_hz)
-        head.rows["SampleUS"] = head.rows["TimeUS"] - np.uint64(round(1e6 * _BURST / rate_hz))
-        parts = np.arange(len(raw))
-        axes = {axis: raw[:, :, k] for k, axis in enumerate("xyz")}
-        kinds += [head, records("ISBD", ended + _PART_S * (1 + parts), N=number, seqno=parts, **axes)]
-    return kinds
 
 
 def raw_records(flown: Flown, unbalance_um: Array, rate_hz: float, seed: int) -> Kind:
