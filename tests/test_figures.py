@@ -281,8 +281,6 @@ def own() -> Iterator[tuple[str, Any]]:
     yield "strokes", swept[-1] and compare(TWO_WAYS, swept[-1], past)
     loaded = [left(Servo(load_friction=0.2), seed) for seed in range(30, 42)]
     yield "by load", compare(EQUATION, loaded[-1], past_of(*loaded[:-1]))
-    warm = [current.flight(seed, 0.05 - 2e-4 * seed, warmth=20.0 + seed) for seed in range(24)]
-    yield "warm", compare(EQUATION, warm[-1], past_of(*warm[:-1]))
 
 
 def test_of_a_servos_own_flights() -> None:

@@ -24,7 +24,6 @@ from mavhums.log import Table
 from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer, WindowsOfClass
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.airspeed import Airspeeds
-from mavhums.vehicle.usage import EscTemperatures
 
 if TYPE_CHECKING:
     from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
@@ -49,14 +48,13 @@ class Actuators:
 
     def __init__(self, options: EngineOptions, setups: Callable[[int], SetupHistory]) -> None:
         self._options, self._setups = options, setups
-        self._airspeeds, self._temperatures = Airspeeds(), EscTemperatures()
+        self._airspeeds = Airspeeds()
         self._monitors: dict[tuple[int, str], Monitor] = {}
         self.profiles: dict[tuple[int, str], str] = {}
 
     def hear(self, tables: Mapping[str, Table]) -> None:
-        """Take what bears on the actuators beside their own telemetry: airspeed, and temperature of ESCs."""
+        """Take what bears on the actuators beside their own telemetry: the airspeed."""
         self._airspeeds.feed(tables)
-        self._temperatures.feed(tables)
 
     def feed(self, airframe: Airframe, mapped: MappedSamples, time_s: Array) -> Iterator[Event]:
         """Take samples of one actuator, and their flight times; yield the events that they cause."""
@@ -126,9 +124,7 @@ class Actuators:
             from mavhums.health.self_baseline.past import comparable
             from mavhums.health.self_baseline.verdict import compare_with_own_flights
 
-            findings = monitor.findings(
-                indicators=indicators, temperature_c=self._temperatures.median(vehicle, actuator.esc)
-            )
+            findings = monitor.findings(indicators=indicators)
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
                 yield unjudged_actuator(vehicle, actuator, own, provenance, findings.own_gap)
             else:

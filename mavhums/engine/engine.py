@@ -59,7 +59,6 @@ from mavhums.vehicle.states import (
     VehicleStates,
     texts,
 )
-from mavhums.vehicle.usage import ESC_TEMPERATURE_MESSAGES
 from mavhums.vehicle.vtol import refined_identity
 
 _SILENT_LOOKS: Final = 30
@@ -98,7 +97,7 @@ class Engine:
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._vehicle_limit = VehicleLimit(telemetry - TEXT_MESSAGES)
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
-        wanted |= AIRSPEED_MESSAGES | ESC_TEMPERATURE_MESSAGES | RAIL_MESSAGES | FAULT_MESSAGES
+        wanted |= AIRSPEED_MESSAGES | RAIL_MESSAGES | FAULT_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else MODE_MESSAGES
         wanted |= SIGNAL_MESSAGES | FAST_FORCE_MESSAGES
         self._events = FlightEvents()

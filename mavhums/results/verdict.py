@@ -200,8 +200,6 @@ class OwnRecord(Contract):
         How it was measured, in words; flights that were measured in another way are not compared.
     rate_hz, duration_s
         Of the samples, and the time that they cover.
-    temperature_c
-        Median over the flight; None where the log carries none.
     groups
         Sums over parts of the flight: the number of samples, and the upper triangle of the sums of products
         of the equation's columns, the left side last.
@@ -211,7 +209,6 @@ class OwnRecord(Contract):
     setup: str
     rate_hz: float = Field(gt=0)
     duration_s: float = Field(gt=0)
-    temperature_c: float | None = None
     groups: tuple[tuple[float, ...], ...]
 
 

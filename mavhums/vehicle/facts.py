@@ -68,7 +68,6 @@ REPORTS: Final[Mapping[str, str]] = {
     "parameter": "fields name (text), bits (of the 32-bit value) and type (MAV_PARAM_TYPE); (n,)",
     "position": "latitude and longitude, degrees, and altitude above sea level, m; (n, 3)",
     "sensed airspeed": "airspeed of the sensor, not validated by the autopilot, m/s; (n, 1)",
-    "ESC temperature": "°C, a column for each ESC from ``first`` on, NaN without a sensor; (n, k)",
     "ESC errors": "errors that an ESC counts, a column for each ESC from ``first`` on; (n, k)",
     "ESC faults": "bits of ``FAULTS``, a column for each ESC from ``first`` on; (n, k)",
     "ESC telemetry": "the same",
@@ -164,7 +163,6 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     "boot": (YEAR_2010_US, YEAR_2100_US),
     "uptime": (0, YEAR_2100_US),
     "parameter": (-(2**32), 2**32),
-    "ESC temperature": (-60, 250),
     "ESC speed": (-1e7, 1e7),
     "ESC errors": (0, 2**32),
 }

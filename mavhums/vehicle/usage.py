@@ -1,4 +1,4 @@
-"""What a whole log tells of use, counted in constant memory: outputs, temperatures of ESCs, named values."""
+"""What a whole log tells of use, counted in constant memory: outputs, named values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mavhums.core.kernels import kernel
 from mavhums.log import Table
 from mavhums.log.base.decoder import text_of
 from mavhums.vehicle.facts import OUTPUTS, Signal
-from mavhums.vehicle.formats import by_vehicle, esc_temperatures, messages_of
+from mavhums.vehicle.formats import by_vehicle, messages_of
 
 BAND_US: Final = 8
 """Movement that counts: 1 % of the usual travel of 800 µs, above the dead band of a usual servo."""
@@ -201,40 +201,9 @@ def _followed(
                 turn[j] = pulse
 
 
-ESC_TEMPERATURE_MESSAGES: Final = messages_of("ESC temperature")
 NAMED_MESSAGES: Final = messages_of("named value")
 
-_LEAST_READINGS: Final = 10
-"""Readings of a temperature from which its median counts: of fewer, single errors move it."""
 _MOST_NAMES: Final = 1000  # of a log: a sender that makes up names cannot fill the memory
-
-
-class EscTemperatures:
-    """Counts the readings of every ESC, block by block; the median is robust to outliers.
-
-    Examples
-    --------
-    >>> EscTemperatures().median(1, 0) is None
-    True
-    """
-
-    def __init__(self) -> None:
-        self._counts: dict[tuple[int, int], Counter[float]] = {}
-
-    def feed(self, tables: Mapping[str, Table]) -> None:
-        """Take the readings in these messages."""
-        for vehicle, esc, _, celsius in esc_temperatures(tables):
-            degrees = np.rint(celsius[np.isfinite(celsius)])
-            self._counts.setdefault((vehicle, esc), Counter()).update(degrees.tolist())
-
-    def median(self, vehicle: int, esc: int | None) -> float | None:
-        """Return the median of an ESC's readings, whole °C; None if it has no sensor."""
-        counts = None if esc is None else self._counts.get((vehicle, esc))
-        if counts is None or counts.total() < _LEAST_READINGS:
-            return None
-        degrees = sorted(counts)
-        passed = np.cumsum([counts[one] for one in degrees])
-        return degrees[int(np.searchsorted(passed, counts.total() / 2))]
 
 
 class NamedValues:

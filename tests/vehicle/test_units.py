@@ -122,14 +122,6 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     ("SYS_STATUS", HEALTH | {"onboard_control_sensors_health": 3}, "autopilot faults", [0b11]),
     ("SYS_STATUS", HEALTH | {"onboard_control_sensors_health": 1 << 26}, "autopilot faults", [0b01]),
     *(("ESC", {"Instance": 2, "Err": 50.0 + n}, "ESC telemetry", [n]) for n in (0, 1)),
-    # temperatures: °C, ESC_INFO's in 0.01 °C; zero where there is no sensor
-    *((f"ESC_TELEMETRY_{n}", {"temperature": [20, 0, 255, 7]}, "ESC temperature", [20, NAN, NAN, 7])
-      for n in ("1_TO_4", "5_TO_8", "9_TO_12", "13_TO_16", "17_TO_20", "21_TO_24", "25_TO_28", "29_TO_32")),
-    ("ESC_INFO", {"temperature": [2550, 0, -1000, 32767], "index": 4}, "ESC temperature",
-     [25.5, NAN, -10, NAN]),
-    ("ESC", {"Instance": 2, "Temp": 31.5}, "ESC temperature", [31.5]),
-    ("esc_status", {"esc[1].esc_temperature": -273.0, "esc[2].esc_temperature": 21.0}, "ESC temperature",
-     [NAN, NAN, 21, *[NAN] * 9]),
     ("EDT2", {"Instance": 2, "Status": 0b01010}, "ESC faults", [1 << 11]),
     ("CESC", {"Id": 2, "ECnt": 7}, "ESC errors", [7]),
     ("CSRV", {"Id": 2, "Err": 5}, "servo flags", [5]),

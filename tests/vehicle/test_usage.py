@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.vehicle.facts import OUTPUTS, Signal
-from mavhums.vehicle.usage import BAND_US, EscTemperatures, OutputUse, Usage
-from tests.vehicle.tables import table_of
+from mavhums.vehicle.usage import BAND_US, OutputUse, Usage
 
 STEP_US = 100_000
 
@@ -134,17 +133,3 @@ def test_a_stop_is_within_a_hundredth_of_the_range(low: int, high: int, near: in
     assert use.at_stops_s(0, 9000) == (0.0, 0.0)
     assert (use.held_s, use.mean_us) == (1401.0, 1500.0)
     assert OutputUse(1500, 1500, 0, 0, np.zeros(1401, dtype=np.int64)).mean_us is None
-
-
-@pytest.mark.parametrize(("degrees", "median"), [([20] * 9, None), ([20] * 10, 20), ([20] * 5 + [30] * 5, 20),
-    ([20] * 4 + [30] * 6, 30), ([255] * 10, None), ([20] * 10 + [0] * 30, 20)])  # fmt: skip
-def test_a_temperature_is_the_median_of_ten_readings_or_more(
-    degrees: list[int], median: float | None
-) -> None:
-    rows = np.array([([one, 0, 0, 7],) for one in degrees], dtype=[("temperature", "u1", 4)])
-    escs = EscTemperatures()
-    for half in (rows[:3], rows[3:]):
-        escs.feed({"ESC_TELEMETRY_5_TO_8": table_of("ESC_TELEMETRY_5_TO_8", half)})
-    assert escs.median(1, 4) == median
-    assert escs.median(1, 7) == (None if len(degrees) < 10 else 7)
-    assert escs.median(1, 0) is escs.median(2, 4) is escs.median(1, None) is None

@@ -185,11 +185,8 @@ class Monitor:
         """The actuator's worst condition so far."""
         return self._held.worst
 
-    def findings(self, *, indicators: bool = True, temperature_c: float | None = None) -> ActuatorFindings:
-        """Return the findings so far; the ``indicators`` are evaluated over the whole flight.
-
-        ``temperature_c`` is the actuator's temperature in this flight, if the log has it.
-        """
+    def findings(self, *, indicators: bool = True) -> ActuatorFindings:
+        """Return the findings so far; the ``indicators`` are evaluated over the whole flight."""
         whole = self._fits.whole() if indicators else {}
         trackers, deciding = self._trackers.values(), self._deciding().values()
         suspects = [suspect for tracker in deciding if (suspect := suspect_of(tracker))]
@@ -216,11 +213,7 @@ class Monitor:
             suspects=tuple(sorted(suspects, key=lambda each: -each.confidence)),
             evidence=tuple(sorted(evidence, key=lambda each: each.start_s)),
             indicators=tuple(shown),
-            own=tuple(
-                record.model_copy(update={"temperature_c": temperature_c})
-                for own in self._own
-                if indicators and (record := own.record())
-            ),
+            own=tuple(record for own in self._own if indicators and (record := own.record())),
             own_gap=next((gap for own in self._own if (gap := own.gap)), None),
             no_friction=self._why_no_friction() if self._held.condition == "undecided" else None,
         )

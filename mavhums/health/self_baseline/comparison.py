@@ -115,11 +115,7 @@ def _compare(
     needed = equation.min_flights
     reference, after = compared(equation, own, past, outside)
     records = tuple(record for _, _, record in reference)
-    healthy = (
-        _ReferenceFlights.of(equation, records, own.temperature_c is not None)
-        if len(records) >= needed
-        else None
-    )
+    healthy = _ReferenceFlights.of(equation, records) if len(records) >= needed else None
     if healthy is None or healthy.shown < needed:
         flights = sum(wear(record, None) is not None for record in records)
         alone = wear(own, None)
@@ -130,7 +126,7 @@ def _compare(
     own_wear = wear(own, healthy.nuisances)
     if own_wear is None:
         return _still(equation, healthy.shown)
-    # Outside the baseline's range the line over temperature, activity or load is a guess: the flights there
+    # Outside the baseline's range the line over activity or load is a guess: the flights there
     # make a baseline of their own.
     if beyond := healthy.beyond(own):
         return _compare(equation, own, past, false_alarms, (*outside, beyond))
@@ -170,10 +166,8 @@ class _ReferenceFlights:
 
     @classmethod
     @lru_cache(maxsize=1024)
-    def of(
-        cls, equation: OwnEquation, records: tuple[OwnRecord, ...], warm: bool
-    ) -> _ReferenceFlights | None:
-        """Learn from reference flights; ``warm`` is True if the flight's temperature is known."""
+    def of(cls, equation: OwnEquation, records: tuple[OwnRecord, ...]) -> _ReferenceFlights | None:
+        """Learn from reference flights."""
         nuisances = learned(records)
         shown = [(w, r) for r in records if (w := wear(r, nuisances))]
         if nuisances is None or len(shown) < LEAST_PARTS:
@@ -184,7 +178,7 @@ class _ReferenceFlights:
         common = CommonError.of(squares * informed, freedom)
         own = [common.with_own(*row)[0] for row in zip(squares, freedom, informed, strict=True)]
         loaded = bool(nuisances.load_friction)
-        known = tuple(differences(equation, [r for _, r in shown], warm=warm, loaded=loaded))
+        known = tuple(differences(equation, [r for _, r in shown], loaded=loaded))
         design = np.array([_row(known, r) for _, r in shown])
         shared = scattering_share(design, values, np.sqrt(own))
         flights = population(design, values, np.sqrt(shared[0] * np.array(own)))

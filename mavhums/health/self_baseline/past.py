@@ -1,6 +1,6 @@
 """The earlier flights that one own-scale equation is compared with, and in what the present one may differ.
 
-Warmth, activity and load differ from flight to flight without a fault.
+Activity and load differ from flight to flight without a fault.
 """
 
 from __future__ import annotations
@@ -19,11 +19,7 @@ from mavhums.health.estimation.equations.own_scale import LAG, TRACKING
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, REFERENCE_FLIGHTS
 from mavhums.health.estimation.wear import grams_of, load_direction, mean_load, of_strokes, shows
-from mavhums.health.self_baseline.thresholds import (
-    ALIKE_RATIO,
-    OTHER_DIRECTION,
-    WARMTH_K,
-)
+from mavhums.health.self_baseline.thresholds import ALIKE_RATIO, OTHER_DIRECTION
 from mavhums.results.verdict import OwnRecord
 
 _ACCELERATION = KEPT.index("acceleration")
@@ -118,7 +114,7 @@ class Difference:
 
 
 def differences(
-    equation: OwnEquation, records: Sequence[OwnRecord], *, warm: bool, loaded: bool = False
+    equation: OwnEquation, records: Sequence[OwnRecord], *, loaded: bool = False
 ) -> list[Difference]:
     """Return the differences that the reference flights determine.
 
@@ -128,15 +124,10 @@ def differences(
         The equation of the records.
     records
         Records of the reference flights.
-    warm
-        Whether the temperature of the judged flight is known.
     loaded
         Whether the quantity grows with the load.
     """
     found = []
-    warmth = _difference(lambda record: record.temperature_c, records, WARMTH_K, "colder", "warmer")
-    if warm and warmth is not None and warmth.high - warmth.low >= WARMTH_K:
-        found.append(warmth)
     if equation.by_activity:
         activity = _difference(_activity, records, log(ALIKE_RATIO), "calmer", "rougher")
         if activity is not None and activity.high > activity.low:

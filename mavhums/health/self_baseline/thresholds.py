@@ -15,10 +15,6 @@ ALIKE_RATIO: Final = 1.25
 # flights at most 2.4 (docs/evidence/self-baseline.md).
 BLURRED_TIMES: Final = 3.0
 
-# Temperature difference among the flights from which the slope over temperature can be determined, and as far
-# beyond which its line is extrapolated, K. By hand.
-WARMTH_K: Final = 5.0
-
 # Difference between two flights' mean signs of the load over their strokes from which they are loaded in
 # opposite directions: signs of no load scatter about zero.
 OTHER_DIRECTION: Final = 1.0

@@ -122,15 +122,6 @@ def esc_speeds(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, Integers
                 yield reading.vehicle, reading.servo - 1, reading.time_us, bounded("ESC speed", speeds)
 
 
-def esc_temperatures(tables: Mapping[str, Table]) -> Iterator[tuple[int, int, Integers, Array]]:
-    """Yield what ESCs report of their temperature: vehicle, ESC from 0, µs of UTC (n,), °C (n,)."""
-    for vehicle, report in by_vehicle(tables, "ESC temperature"):
-        values = report.values
-        for number, rows in each(report.first):
-            for k, column in enumerate(values[rows].T):
-                yield vehicle, number + k, report.table.time_us[rows], column
-
-
 def remedy(
     fact: str,
     messages: Collection[str] = (),

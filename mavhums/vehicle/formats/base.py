@@ -258,11 +258,6 @@ def wide(values: Array, first: int) -> Array:
     return out
 
 
-def celsius(values: NDArray[Any], scale: float = 1.0) -> Array:
-    """Return temperatures, °C, NaN where they are zero: a device without a sensor reports that."""
-    return np.where(values == 0, np.nan, values * scale)
-
-
 def angles_of(q: NDArray[Any]) -> Array:
     """Return roll, pitch and yaw, rad, (n, 3), of quaternions w, x, y, z, body to north-east-down, (n, 4)."""
     w, x, y, z = q.astype(np.float64).T

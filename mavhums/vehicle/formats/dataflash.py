@@ -26,7 +26,6 @@ from mavhums.vehicle.formats.base import (
     Split,
     ardupilot_mode,
     bits_of,
-    celsius,
     columns,
     holds,
     modes,
@@ -123,7 +122,6 @@ def _landing(table: Table) -> Array:
     return np.array([float(_LANDINGS[number]) for number in table["Id"].tolist()])[:, None]
 
 
-_INSTANCE: Final = whole("Instance")
 _STATUS: Final = whole("Status")
 _FIRST_STATUS: Final = 10
 """Of the faults of an ESC: DShot's extended telemetry has alert, warning and error in bits 2 to 4."""
@@ -164,14 +162,11 @@ SOURCES: Final = (
     plain("position", "POS", "Lat", "Lng", "Alt"),
     plain("sensed airspeed", "ARSP", "Airspeed", rows=_first_sensor),
     Source(
-        "ESC telemetry", "ESC", {"Instance": 1, "Err": 1}, lambda t: bits_of(t["Err"] > 50.0), first=_INSTANCE
-    ),
-    Source(
-        "ESC temperature",
+        "ESC telemetry",
         "ESC",
-        {"Instance": 1, "Temp": 1},
-        lambda t: celsius(columns(t, "Temp")),
-        first=_INSTANCE,
+        {"Instance": 1, "Err": 1},
+        lambda t: bits_of(t["Err"] > 50.0),
+        first=whole("Instance"),
     ),
     Source(
         "ESC faults",
@@ -179,7 +174,7 @@ SOURCES: Final = (
         {"Instance": 1, "Status": 1},
         lambda t: ((_STATUS(t) >> 2 & 7) << _FIRST_STATUS)[:, None],
         lambda t: _STATUS(t) & 2 > 0,  # it is up to date
-        first=_INSTANCE,
+        first=whole("Instance"),
     ),
     Source("ESC errors", "CESC", {"Id": 1, "ECnt": 1}, whole("ECnt", column=True), first=whole("Id")),
     Source("servo flags", "CSRV", {"Id": 1, "Err": 1}, whole("Err", column=True), first=_csrv_place),

@@ -27,7 +27,6 @@ from mavhums.vehicle.formats.base import (
     angles_of,
     ardupilot_mode,
     bits_of,
-    celsius,
     columns,
     instrumented,
     named,
@@ -197,17 +196,6 @@ SOURCES: Final = (
     Source("parameter", "PARAM_VALUE", {"param_id": TEXT, "param_value": 1, "param_type": 1}, _parameters),
     Source("position", "GLOBAL_POSITION_INT", {"lat": 1, "lon": 1, "alt": 1}, _position),
     plain("sensed airspeed", "VFR_HUD", "airspeed"),
-    *(
-        Source("ESC temperature", name, {"temperature": 4}, lambda t: celsius(t["temperature"]), first=first)
-        for name, first in _ESC_BATCHES.items()
-    ),
-    Source(
-        "ESC temperature",
-        "ESC_INFO",
-        {"temperature": _BATCH, "index": 1},
-        lambda t: celsius(t["temperature"], 0.01),
-        first=whole("index"),
-    ),
     *(
         Source("named value", name, {"name": TEXT}, lambda t: t["name"])
         for name in ("NAMED_VALUE_FLOAT", "NAMED_VALUE_INT", "DEBUG_VECT", "DEBUG_FLOAT_ARRAY")

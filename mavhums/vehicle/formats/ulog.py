@@ -21,7 +21,6 @@ from mavhums.vehicle.formats.base import (
     Split,
     angles_of,
     bits_of,
-    celsius,
     columns,
     instrumented,
     modes,
@@ -223,7 +222,6 @@ SOURCES: Final = (
     plain("position", "vehicle_global_position", "lat", "lon", "alt"),
     Source("ESC errors", "esc_status", {}, lambda t: _per_esc(t, "esc_errorcount").astype(np.int64)),
     Source("ESC faults", "esc_status", {}, lambda t: _per_esc(t, "failures").astype(np.int64)),
-    Source("ESC temperature", "esc_status", {}, lambda t: celsius(_per_esc(t, "esc_temperature"))),
     Source(
         "ESC links",
         "esc_status",

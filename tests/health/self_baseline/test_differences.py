@@ -43,10 +43,12 @@ def test_what_the_activity_explains_is_no_scatter() -> None:
     assert compare(BY_ACTIVITY, flown(21, 0.05 * (1.0 + 1.3 * least)), PAST).condition == "changed"
 
 
-def test_flights_beyond_the_activity_of_the_others_make_a_baseline_of_their_own() -> None:
-    def at(seed: int, times: float, friction_a: float = 0.05) -> OwnRecord:
-        return lively(left(Servo(inertia=0.0, friction_a=friction_a), seed, seconds=60.0), times)
+def at(seed: int, times: float, friction_a: float = 0.05) -> OwnRecord:
+    """Return a flight of an activity of its own, whose friction current does not grow with it."""
+    return lively(left(Servo(inertia=0.0, friction_a=friction_a), seed, seconds=60.0), times)
 
+
+def test_flights_beyond_the_activity_of_the_others_make_a_baseline_of_their_own() -> None:
     before = [*PAST, *past(*(flown(30 + k) for k in range(6)))]
     for times, word in ((5.0, "rougher"), (0.2, "calmer")):
         first = compare(BY_ACTIVITY, at(40, times), before)
@@ -59,14 +61,22 @@ def test_flights_beyond_the_activity_of_the_others_make_a_baseline_of_their_own(
     assert compare(EQUATION, lively(RECORDS[0], 5.0), PAST).condition != "learning"
 
 
+def test_a_flight_beyond_the_baseline_neither_begins_nor_ends_a_run() -> None:
+    before = past(*(at(seed, 1.0 + 0.02 * seed) for seed in range(12)))
+    worn = past(at(92, 1.0, 0.08), at(93, 5.0), at(94, 5.0, 0.08), healthy=False)
+    found = compare(BY_ACTIVITY, at(95, 1.0, 0.08), [*before, *worn])
+    assert found.condition == "changed"
+    assert present(found.since).flight == 13
+
+
 def test_the_activity_is_the_logarithm_of_the_acceleration_where_flights_differ_in_it() -> None:
     record = RECORDS[0]
-    [activity] = differences(BY_ACTIVITY, [record, lively(record, 2.0)], warm=False)
+    [activity] = differences(BY_ACTIVITY, [record, lively(record, 2.0)])
     assert activity.high - activity.low == pytest.approx(np.log(2.0))
     found = [activity.beyond(lively(record, times)) for times in (0.79, 0.81, 2.49, 2.51)]
     assert found == ["calmer", "", "", "rougher"], "a quarter beyond"
-    assert differences(BY_ACTIVITY, [record, record], warm=False) == []
-    [still] = differences(BY_ACTIVITY, [record, lively(record, 0.0)], warm=False)
+    assert differences(BY_ACTIVITY, [record, record]) == []
+    [still] = differences(BY_ACTIVITY, [record, lively(record, 0.0)])
     assert still.low == pytest.approx(np.log(1e-6))
 
 
@@ -96,20 +106,6 @@ def test_the_first_twenty_healthy_flights_are_the_baseline_and_those_after_the_l
     assert len([*compared(EQUATION, own, none)[1]]) == 27
 
 
-def test_temperatures_too_close_together_give_no_slope() -> None:
-    def at(*several: float) -> list[OwnRecord]:
-        return [RECORDS[0].model_copy(update={"temperature_c": warmth}) for warmth in several]
-
-    assert not differences(EQUATION, at(20.0, 24.9), warm=True)
-    assert len(differences(EQUATION, at(20.0, 25.0), warm=True)) == 1
-    assert not differences(EQUATION, at(20.0, 30.0), warm=False)
-    assert not differences(EQUATION, [*at(20.0, 30.0), RECORDS[1]], warm=True)
-    [warmth] = differences(EQUATION, at(20.0, 30.0), warm=True)
-    assert warmth.at(at(27.0)[0]) == 2.0
-    assert warmth.at(RECORDS[1]) == 0.0, "what is not known is taken as the mean"
-    assert [warmth.beyond(record) for record in at(14.9, 15.0, 35.0, 35.1)] == ["colder", "", "", "warmer"]
-
-
 def swept(load: float, strokes: int = 4, *, against: int = 0) -> OwnRecord:
     """Return strokes with a load, ``against`` of them the other way."""
     rows = tuple((1.0, 0.3, load if k >= against else -load) for k in range(strokes))
@@ -118,7 +114,7 @@ def swept(load: float, strokes: int = 4, *, against: int = 0) -> OwnRecord:
 
 def test_a_load_is_fitted_where_the_flights_loads_differ_by_more_than_a_quarter() -> None:
     def loads(*several: float) -> tuple[bool, float]:
-        found = differences(TWO_WAYS, [swept(load) for load in several], warm=False)
+        found = differences(TWO_WAYS, [swept(load) for load in several])
         return found[0].fitted, found[0].margin
 
     assert loads(1.0, 1.25) == (False, 0.05 * 1.25)
@@ -127,13 +123,13 @@ def test_a_load_is_fitted_where_the_flights_loads_differ_by_more_than_a_quarter(
 
 def test_a_direction_of_the_load_is_fitted_where_it_differs_between_the_flights() -> None:
     def direction(*against: int) -> bool:
-        found = differences(TWO_WAYS, [swept(1.0, against=each) for each in against], warm=False)
+        found = differences(TWO_WAYS, [swept(1.0, against=each) for each in against])
         return found[1].fitted
 
     assert [direction(0, 2), direction(0, 3), direction(0, 4)] == [False, True, True]
 
 
 def test_fewer_strokes_than_in_any_reference_flight_are_beyond_it() -> None:
-    shorter = differences(TWO_WAYS, [swept(1.0, 6), swept(1.0, 4)], warm=False)[-1]
+    shorter = differences(TWO_WAYS, [swept(1.0, 6), swept(1.0, 4)])[-1]
     assert [shorter.beyond(swept(1.0, each)) for each in (3, 4, 99)] == ["shorter in strokes", "", ""]
     assert not shorter.fitted

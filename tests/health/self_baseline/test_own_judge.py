@@ -20,10 +20,9 @@ from tests.health.self_baseline.servo import EQUATION, Servo, blank, collected, 
 from tests.present import present
 
 
-def flight(seed: int, friction_a: float = 0.05, warmth: float | None = None) -> OwnRecord:
+def flight(seed: int, friction_a: float = 0.05) -> OwnRecord:
     scattered = friction_a * (1.0 + 0.02 * np.random.default_rng([seed, 1]).standard_normal())
-    record = left(Servo(friction_a=scattered), seed, seconds=60.0)
-    return record.model_copy(update={"temperature_c": warmth})
+    return left(Servo(friction_a=scattered), seed, seconds=60.0)
 
 
 HEALTHY = past(*(flight(seed) for seed in range(12)))
@@ -95,32 +94,6 @@ def test_only_flights_measured_alike_are_compared() -> None:
     assert compare(EQUATION, flight(56), faster).condition == "learning"
     sick = [p._replace(healthy=False) for p in HEALTHY]
     assert compare(EQUATION, flight(56), sick).condition == "learning"
-
-
-def test_the_temperature_of_the_log_explains_what_it_can() -> None:
-    def at(seed: int, warmth: float) -> OwnRecord:
-        return flight(seed, 0.05 * (1.0 - 0.01 * (warmth - 20.0)), warmth)
-
-    warm = past(*(at(seed, 10.0 + 2.0 * seed) for seed in range(12)))
-    cold = at(90, 11.0)
-    assert compare(EQUATION, cold, warm).condition == "unchanged"
-    found = compare(EQUATION, at(91, -5.0), warm)
-    assert (found.condition, found.flights) == ("learning", 1)
-    assert found.why == "it was colder than the flights of the first baseline"
-    untold = past(*(p.records[0].model_copy(update={"temperature_c": None}) for p in warm))
-    known, blind = (present(compare(EQUATION, cold, flights).least_rise) for flights in (warm, untold))
-    assert known < blind
-
-
-def test_a_flight_beyond_the_baseline_neither_begins_nor_ends_a_run() -> None:
-    def at(seed: int, warmth: float, friction_a: float = 0.05) -> OwnRecord:
-        return flight(seed, friction_a, warmth)
-
-    warm = past(*(at(seed, 10.0 + 2.0 * seed) for seed in range(12)))
-    worn = past(at(92, 20.0, 0.08), at(93, 60.0, 0.05), at(94, 60.0, 0.08), healthy=False)
-    found = compare(EQUATION, at(95, 20.0, 0.08), [*warm, *worn])
-    assert found.condition == "changed"
-    assert present(found.since).flight == 13
 
 
 def test_tracking_takes_twenty_flights() -> None:

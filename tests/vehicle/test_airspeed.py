@@ -1,4 +1,4 @@
-"""Airspeed and ESC temperature, as vehicles report them."""
+"""Airspeed, as vehicles report it and as the wind triangle gives it."""
 
 from __future__ import annotations
 
