@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.health.axis.regressions import Basis, Columns, Form, HighPass, Shape
-from mavhums.health.axis.thresholds import DELAYS_S, GUST_WINDOW_S, LAGS_S, REFERENCE_S, WINDOW_DEVIATION
+from mavhums.health.axis.thresholds import (
+    DELAYS_S,
+    GUST_WINDOW_S,
+    LAGS_S,
+    MEAN_ROWS,
+    REFERENCE_S,
+    WINDOW_DEVIATION,
+)
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.vehicle.grid import RATE_HZ
 
@@ -52,8 +59,16 @@ class Reference:
 
     @property
     def apart(self) -> float:
-        """Relative error of the regression's gain: large where another contribution is like the drive."""
-        return float(np.sqrt(self.covariance[0, 0])) / abs(self.gain) if self.gain else inf
+        """Relative error of the regression's gain: large where another contribution is like the drive.
+
+        A jackknife of few blocks is small by chance now and then. So it is never less than what the residuals
+        of as many independent rows make of it.
+        """
+        if not self.gain or not self.explained > 0.0:
+            return inf
+        blocks = float(self.covariance[0, 0]) / self.gain**2
+        rows = (1.0 / self.explained - 1.0) * MEAN_ROWS / (REFERENCE_S * RATE_HZ)
+        return sqrt(max(blocks, rows))
 
     @property
     def speed(self) -> float:

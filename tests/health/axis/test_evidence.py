@@ -61,6 +61,16 @@ def test_the_error_of_the_reference_excuses_what_it_explains() -> None:
     assert delays_s[0] < delays_s[1]
 
 
+@pytest.mark.parametrize(("explained", "error"), [(0.03, 0.54), (0.62, 0.074), (0.0, np.inf), (1.0, 0.05)])
+def test_a_gain_is_known_no_better_than_the_rest_of_the_response_allows(
+    explained: float, error: float
+) -> None:
+    """45 s are 112 independent rows of 0.4 s; a jackknife of nine blocks may be small by chance."""
+    covariance = np.diag([(0.05 * GAIN) ** 2, 0.0])
+    found = replace(REFERENCE, covariance=covariance, explained=explained).apart
+    assert found == pytest.approx(error, rel=0.02)
+
+
 def test_ten_minutes_of_a_larger_gain_do_not_make_a_smaller_one_a_loss() -> None:
     """Of a standard error of 2 %: 106 % for ten minutes, then 84 % for one; 70 % is still a loss."""
     for kept, found in ((0.84, False), (0.7, True)):
