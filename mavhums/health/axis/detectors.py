@@ -246,6 +246,7 @@ class Skids:
 
     def __init__(self) -> None:
         self._evidence, self._since_s = 0.0, 0
+        self._roll = 0.0  # deviations, the latest that are known
 
     def feed(self, given: AxisInput) -> list[Alarm]:
         """Return the seconds in which a rudder is certain."""
@@ -255,12 +256,13 @@ class Skids:
             if self._evidence <= 0.0 or isnan(side.deviations):
                 # The mean of the first second is over as many.
                 self._evidence, self._since_s = 0.0, end_s - SHIFT_S
+            roll = rolls.get(end_s, nan)
+            # Without any roll both surfaces are alike, and the limit has no value. One beyond what the
+            # regression covers is no less than before.
+            self._roll = max(self._roll, UNKNOWN_ROLL_DEVIATIONS) if isnan(roll) else max(roll, 0.1)
             if isnan(side.deviations):
                 continue
-            roll = rolls.get(end_s, nan)
-            # Without any roll both surfaces are alike, and the limit has no value.
-            roll = UNKNOWN_ROLL_DEVIATIONS if isnan(roll) else max(roll, 0.1)
-            aileron, rudder = (SKID_DEVIATIONS**2 + (share * roll) ** 2 for share in SKID_SHARES)
+            aileron, rudder = (SKID_DEVIATIONS**2 + (share * self._roll) ** 2 for share in SKID_SHARES)
             apart = 1.0 / aileron - 1.0 / rudder
             limit = sqrt(log(rudder / aileron) / apart)  # at which both are as likely
             self._evidence += (side.deviations**2 - limit**2) * apart / 2.0 / SHIFT_S

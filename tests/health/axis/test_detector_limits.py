@@ -83,3 +83,13 @@ def test_evidence_of_a_rudder_ends_where_the_side_force_is_not_known() -> None:
     assert Skids().feed(given(*seconds, sides=tuple(known)))
     known[1] = Deviation(101, np.nan, np.nan)
     assert not Skids().feed(given(*seconds, sides=tuple(known)))
+
+
+def test_a_roll_beyond_the_regression_is_no_less_than_before() -> None:
+    """A side force of 10 deviations is a rudder's beside an unknown roll of 40, an aileron's beside 100."""
+    for before, found in ((1.0, True), (100.0, False)):
+        known = [second(end_s=100 + k, shift=before * DEVIATION) for k in range(3)]
+        unknown = [second(end_s=103 + k, shift=None) for k in range(20)]
+        sides = [Deviation(one.end_s, 2.0, 1.0) for one in known]
+        sides += [Deviation(one.end_s, 2.0, 12.0) for one in unknown]
+        assert bool(Skids().feed(given(*known, *unknown, sides=tuple(sides)))) is found
