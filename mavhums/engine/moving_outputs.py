@@ -198,8 +198,8 @@ def inferred(rows: Rows, pulses: Array) -> Surfaces | None:
         Pulses of the outputs over the same rows, µs, shape (n, OUTPUTS).
     """
     moving = [k for k in range(OUTPUTS) if _moves(pulses[rows.flying, k])]
-    flying = rows.flying & np.isfinite(pulses[:, moving]).all(axis=1)
-    if not moving or not flying.any() or float(np.nanstd(rows.roll_rate[flying])) < _ROLLS_RAD_S:
+    flying = rows.flying & np.isfinite(pulses[:, moving]).all(axis=1) & np.isfinite(rows.roll_rate)
+    if not moving or not flying.any() or float(rows.roll_rate[flying].std()) < _ROLLS_RAD_S:
         return None
     demands = {k: (pulses[:, k] - float(np.median(pulses[flying, k]))) / _HALF_US for k in moving}
     none = np.empty((len(rows), 0))
