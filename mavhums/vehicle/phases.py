@@ -153,7 +153,9 @@ class Phases:
         thrusts, thrust = np.empty((rows, 0)), np.full(rows, np.nan)
         if isinstance(rotors, Rotors):
             flat = seconds.rows
-            thrusts = rotors.thrusts(all_outputs(flat), flat["mixer"])
+            shape = len(seconds.index), RATE_HZ, -1
+            pulses, mixer = all_outputs(flat).reshape(shape), flat["mixer"].reshape(shape)
+            thrusts = rotors.thrusts(pulses, mixer).reshape(rows, -1)
             thrust = mean_thrust(thrusts, flat["mixer"])
         asked = _means(thrust.reshape(-1, RATE_HZ))
         measured = _Measured.of(seconds, hovers=rotors is not None)

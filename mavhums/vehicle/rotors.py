@@ -128,29 +128,31 @@ class Rotors:
         return np.array(self.shares)
 
     def thrusts(self, pulses: Array, mixer: Array) -> Array:
-        """Return the thrust asked of each motor, a share of its full thrust, shape (n, motors).
+        """Return the thrust asked of each motor, a share of its full thrust, shape (…, n, motors).
 
         Parameters
         ----------
         pulses
-            Pulses of the outputs, µs, shape (n, outputs), NaN where an output is off.
+            Pulses of the outputs over one second or less, µs, shape (…, n, outputs), NaN where an output is
+            off.
         mixer
-            What the mixer was asked for: roll, pitch, yaw and thrust, shape (n, 4), NaN where unknown.
+            What the mixer was asked for: roll, pitch, yaw and thrust, shape (…, n, 4), NaN where unknown.
         """
         sent = self._sent(pulses)
         # ArduPilot's mixer adds half of what is asked about an axis to each motor's thrust.
         factors = self.columns / np.abs(self.columns).max(axis=0)
-        asked = np.clip(mixer[:, 3:] + 0.5 * mixer[:, :3] @ factors.T, 0.0, 1.0)
+        asked = np.clip(mixer[..., 3:] + 0.5 * mixer[..., :3] @ factors.T, 0.0, 1.0)
         # An output that is overridden or passed through no longer shows what is asked of its motor. Where all
-        # outputs but one or two follow the mixer, those are replaced; at the limits more of them differ.
+        # outputs but one or two follow the mixer, those are replaced; at the limits more of them differ. An
+        # override lasts: what differs in a few rows was asked for between two samples.
         apart = sent - asked
-        apart -= np.median(apart, axis=1, keepdims=True)
-        odd = np.abs(apart) > _OVERRIDDEN
-        replaced = odd & (odd.sum(axis=1, keepdims=True) <= len(self.servos) // 3)
+        apart -= np.median(apart, axis=-1, keepdims=True)
+        odd = np.abs(np.median(apart, axis=-2, keepdims=True)) > _OVERRIDDEN
+        replaced = odd & (odd.sum(axis=-1, keepdims=True) <= len(self.servos) // 3)
         return np.where(replaced, sent - apart, sent)
 
     def _sent(self, pulses: Array) -> Array:
-        x = (pulses[:, [servo - 1 for servo in self.servos]] - self.idle) / (self.full - self.idle)
+        x = (pulses[..., [servo - 1 for servo in self.servos]] - self.idle) / (self.full - self.idle)
         x = np.clip(x, 0.0, 1.0)
         e = self.curve
         return np.asarray(x**_PX4_EXPONENT if e is None else (1 - e) * x + e * x**2)

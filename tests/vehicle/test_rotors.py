@@ -102,9 +102,21 @@ def test_few_overridden_outputs_are_replaced(frame: str, off: int, replaced: boo
     command[0, :off] += 0.14  # as far as the sampling moves it
     command[1, :off] += 0.16
     sent[:, :count] = pulses(command)
-    found = known(frame).thrusts(sent, asked)
+    found = known(frame).thrusts(sent[:, None], asked[:, None])[:, 0]
     assert np.allclose(found[0], command[0], atol=3e-3)
     assert np.allclose(found[1], 0.5 if replaced else command[1], atol=3e-3)
+
+
+def test_an_output_that_differs_in_few_rows_is_not_replaced() -> None:
+    """An override lasts; a mixer whose records are rarer than the outputs' misses what was asked between."""
+    quad, asked = known("quad x"), np.tile([0.0, 0.0, 0.0, 0.3], (20, 1))
+    command = np.full((20, 4), 0.3)
+    sent = np.full((20, 32), np.nan)
+    for rows, replaced in ((9, False), (11, True)):
+        command[:rows, 1] = 0.6
+        sent[:, :4] = pulses(command)
+        expected = 0.3 if replaced else command[:, 1]
+        assert np.allclose(quad.thrusts(sent, asked)[:, 1], expected, atol=3e-3)
 
 
 def test_thrust_ends_at_both_ends_of_the_range_and_so_does_what_is_asked() -> None:
