@@ -221,6 +221,7 @@ def questions(folder: Path) -> None:
         "start_us": "start_us - 86400000000 * day",
         "came_us": "came_us - 86400000000 * day",
         "last": "false",
+        "reference": f"day >= {flights - 20}",
         "boot_us": "boot_us - 86400000000 * day",
         "path": "path || day",
     }

@@ -21,7 +21,7 @@ from mavhums import Options
 from mavhums.app.analysis import analyse_alone
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import compared
-from mavhums.flights.history import is_healthy
+from mavhums.flights.history import PastVerdict
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.results.verdict import Verdict
 
@@ -94,7 +94,7 @@ def _records(
     for other in others:
         if _frame(other) == _frame(flight):
             for one in _axes(other.assessment.verdicts):
-                left = PastRecord(one.own, str(datetime.min), is_healthy(one))
+                left = PastRecord(one.own, str(datetime.min), PastVerdict.of(one).is_healthy)
                 found.setdefault((one.vehicle or 0, one.actuator), []).append(left)
     return found
 

@@ -1,28 +1,24 @@
-"""Earlier flights of an aircraft, and what the comparison of the next one takes of them.
-
-Two ground stations record one flight, or a ground station and the aircraft's own logger do: the best
-recording counts. Which one it is depends on the recordings alone, not on the order of their arrival.
-"""
+"""Earlier flights of an aircraft, and what the comparison of the next one takes of them."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from math import inf
-from operator import itemgetter
-from typing import NamedTuple, TypeVar
+from math import sqrt
+from typing import Literal, NamedTuple
 
+from mavhums.core.conditions import URGENCY, Condition
 from mavhums.core.errors import MavhumsError
+from mavhums.core.statistics import NORMAL_95
 from mavhums.flights.aircraft import Since
-from mavhums.health.decision.baseline import Baseline, Baselines, PastRecord
+from mavhums.flights.recordings import FlightRecording, recordings_of, superseded_recordings
+from mavhums.health.decision.baseline import LOSSES, Baseline, Baselines, PastRecord
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import Assessment
-from mavhums.results.sections import CLOCKS_APART_S, FlightCopy, FlightIdentity
-from mavhums.results.verdict import ALL, Indicator, OwnRecord, Verdict
-
-Key = TypeVar("Key", bound=Hashable)
+from mavhums.results.sections import FlightCopy, FlightIdentity
+from mavhums.results.verdict import Evidence, Indicator, Interval, OwnRecord, Verdict
 
 _SOUND = ("normal", "unchanged", "learning")
 
@@ -31,40 +27,112 @@ class UndatedError(MavhumsError):
     """A log has no date, so its flight cannot be ordered in time."""
 
 
-class Quality(NamedTuple):
-    """How good a recording of a flight is; of two recordings the one with the greater tuple is taken.
+class PastIndicator(NamedTuple):
+    """An indicator of an earlier flight, as a trend needs it.
 
     Attributes
     ----------
-    judged
-        Number of actuators and axes with a verdict other than ``undecided`` and ``unmonitored``.
-    decidable
-        Number of windows, over all of them, on which a verdict can rest.
-    quantities
-        Number of measured quantities, over all of them.
-    intact
-        Whether nothing was lost of the log, nor on its link.
-    log
-        Hash of the log, so that no two are equal.
+    estimate, low, high
+        The value with its 95 % interval.
+    error
+        Standard error of the flight-to-flight part, which excludes the torque scale.
+    highest
+        The highest estimate that decided a condition: the mean over a flight may lie below a limit that was
+        passed. None where there is none.
+    limit, emergency
+        As of :class:`mavhums.results.verdict.Indicator`.
     """
 
-    judged: int
-    decidable: int
-    quantities: int
-    intact: bool
-    log: str
+    fault: str
+    quantity: str
+    unit: str
+    estimate: float
+    low: float
+    high: float
+    error: float
+    highest: float | None
+    limit: float | None
+    emergency: float | None
 
-
-class FlightRecording(NamedTuple):
-    """A vehicle's flight as one log contains it."""
-
-    flight: FlightIdentity
-    quality: Quality
+    @classmethod
+    def of(cls, one: Indicator, evidence: Iterable[Evidence]) -> PastIndicator:
+        """Return an indicator of a verdict with this evidence."""
+        error = (one.value.high - one.value.low) / (2 * NORMAL_95)
+        if one.scatter is not None:
+            error = one.scatter / sqrt(one.windows)
+        passed = () if one.fault in LOSSES else (each.value for each in evidence if each.kind == one.fault)
+        value, highest = one.value, max(passed, default=None)
+        kind = one.fault, one.quantity, one.unit
+        return cls(*kind, value.estimate, value.low, value.high, error, highest, one.limit, one.emergency)
 
     @property
-    def boot_s(self) -> float:
-        """Boot time of the vehicle, seconds since 1970."""
-        return datetime.fromisoformat(self.flight.boot_utc or "").timestamp()
+    def value(self) -> Interval:
+        """The value with its 95 % interval."""
+        return Interval(estimate=self.estimate, low=self.low, high=self.high)
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether the whole interval lies beyond the limit; over flights that is enough."""
+        return self.limit is not None and self.low > self.limit and self.fault not in LOSSES
+
+
+class PastVerdict(NamedTuple):
+    """A verdict on an earlier flight, as comparisons and trends need it: thousands of whole ones are slow.
+
+    Attributes
+    ----------
+    suspect
+        The first suspected fault; None without one.
+    friction_nm
+        At the end of the flight; None where it is not known.
+    indicators
+        One for each fault.
+    own
+        What later flights need of a flight: of an axis only a healthy one is ever compared with.
+    whole
+        Returns the verdict itself.
+    """
+
+    vehicle: int | None
+    subject: Literal["actuator", "axis", "motor"]
+    actuator: str
+    condition: Condition
+    worst: Condition
+    suspect: str | None
+    friction_nm: float | None
+    indicators: Sequence[PastIndicator]
+    own: Sequence[OwnRecord]
+    whole: Callable[[], Verdict]
+
+    @classmethod
+    def of(cls, verdict: Verdict) -> PastVerdict:
+        """Return a verdict as the next flights need it."""
+        shown: dict[str, PastIndicator] = {}
+        for one in verdict.indicators:
+            shown.setdefault(one.fault, PastIndicator.of(one, verdict.evidence))
+        past = cls(
+            verdict.vehicle,
+            verdict.subject,
+            verdict.actuator,
+            verdict.condition,
+            verdict.worst,
+            verdict.suspects[0].fault if verdict.suspects else None,
+            verdict.friction_nm.estimate if verdict.friction_nm else None,
+            tuple(shown.values()),
+            verdict.own,
+            lambda: verdict,
+        )
+        return past if past.is_healthy or past.subject == "actuator" else past._replace(own=())
+
+    @property
+    def gravest(self) -> Condition:
+        """As of :class:`mavhums.results.verdict.Verdict`."""
+        return max(self.worst, self.condition, key=URGENCY.__getitem__)
+
+    @property
+    def is_healthy(self) -> bool:
+        """Whether the flight may be a reference of the actuator: normal, and without a suspected fault."""
+        return self.condition == self.worst and self.condition in _SOUND and self.suspect is None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,15 +141,27 @@ class PastFlight:
 
     Attributes
     ----------
+    path, sha256
+        Of its log.
+    airframe
+        Names of the profiles by which it was judged.
     start, end
         Start and end of its log, UTC.
+    verdicts
+        Those on its actuators and axes.
+    flights
+        What the log records: a flight of each vehicle.
     recordings
-        What the log records: a flight of each vehicle that it identifies.
+        Those of them whose board and time are known.
     """
 
-    assessment: Assessment
+    path: str | None
+    sha256: str | None
+    airframe: str | None
     start: datetime
     end: datetime
+    verdicts: tuple[PastVerdict, ...] = ()
+    flights: tuple[FlightIdentity, ...] = ()
     recordings: tuple[FlightRecording, ...] = ()
 
     @classmethod
@@ -105,7 +185,9 @@ class PastFlight:
             start = datetime.fromisoformat(log.start_utc)
             start = (start if start.tzinfo else start.replace(tzinfo=UTC)).astimezone(UTC)
             end = start + timedelta(seconds=log.duration_s)
-            return cls(assessment, start, end, recordings_of(assessment))
+            verdicts = tuple(map(PastVerdict.of, assessment.verdicts))
+            of = log.path, log.sha256, assessment.airframe
+            return cls(*of, start, end, verdicts, log.flight, recordings_of(assessment))
         except (ValueError, OverflowError) as error:
             problem = f"{log.path}: log.start_utc {log.start_utc[:60]!r} and the duration give no time"
             raise MavhumsError(problem, "analyse its log again") from error
@@ -113,27 +195,24 @@ class PastFlight:
     @property
     def log(self) -> str:
         """What distinguishes its log from every other: its hash, or its path and start."""
-        log = self.assessment.log
-        return log.sha256 or f"{log.path} {log.start_utc}"
+        return self.sha256 or f"{self.path} {self.start.isoformat()}"
 
     @property
     def boots(self) -> tuple[int, tuple[int, str | None, str | None]] | None:
         """The count of boots and whose it is, of a log that only its file dates; None of any other."""
-        for flight in self.assessment.log.flight:
+        for flight in self.flights:
             if flight.start_utc is None and flight.boots is not None and flight.board is not None:
-                return flight.boots, (flight.vehicle, flight.board, self.assessment.airframe)
+                return flight.boots, (flight.vehicle, flight.board, self.airframe)
         return None
 
     def order(self) -> tuple[datetime, int, str, str]:
         """Return what orders flights in time."""
-        return self.start, self.boots[0] if self.boots else 0, self.log, self.assessment.airframe or ""
+        return self.start, self.boots[0] if self.boots else 0, self.log, self.airframe or ""
 
     def slim(self) -> PastFlight:
-        """Return the flight as a baseline needs it: without usage, evidence, provenance and records."""
-        nothing: dict[str, object] = {"evidence": (), "provenance": {}, "own": ()}
-        verdicts = tuple(verdict.model_copy(update=nothing) for verdict in self.assessment.verdicts)
-        slim = self.assessment.model_copy(update={"verdicts": verdicts, "usage": ()})
-        return replace(self, assessment=slim)
+        """Return the flight as own-scale equations need it; the whole verdicts of many take memory."""
+        verdicts = tuple(one._replace(indicators=(), whole=_unknown) for one in self.verdicts)
+        return replace(self, verdicts=verdicts)
 
     def counts(self, actuator: str, since: Since | None) -> bool:
         """Whether the flight began on or after the date from which the actuator's flights count."""
@@ -163,8 +242,13 @@ def baselines_of(
     since
         Dates from which flights count.
     """
-    reference = references(flights, airframe, before, since)
-    return {key: baseline for key, flown in reference.items() if (baseline := Baseline.of(flown))}
+    return baselines_on(references(flights, airframe, before, since))
+
+
+def baselines_on(known: Mapping[tuple[int, str, str], Sequence[Indicator]]) -> Baselines:
+    """Return the baselines that rest on the first of these indicators."""
+    first = ((key, Baseline.of(flown[:REFERENCE_FLIGHTS])) for key, flown in known.items())
+    return {key: baseline for key, baseline in first if baseline}
 
 
 def references(
@@ -177,7 +261,7 @@ def references(
     """Return the indicators on which each baseline rests, of at most so many flights."""
     reference: dict[tuple[int, str, str], list[Indicator]] = {}
     for _, vehicle, verdict in _counted(flights, airframe, before, since):
-        for shown in verdict.indicators if is_healthy(verdict) else ():
+        for shown in verdict.whole().indicators if verdict.is_healthy else ():
             flown = reference.setdefault((vehicle, verdict.actuator, shown.fault), [])
             if len(flown) < most:
                 flown.append(shown)
@@ -193,19 +277,19 @@ def records_of(
     """
     records: dict[tuple[int, str], list[PastRecord]] = {}
     for flight, vehicle, verdict in _counted(flights, airframe, before, since):
-        left = PastRecord(kept_records(verdict), flight.start.isoformat(), is_healthy(verdict))
+        left = PastRecord(verdict.own, flight.start.isoformat(), verdict.is_healthy)
         records.setdefault((vehicle, verdict.actuator), []).append(left)
     return records
 
 
 def _counted(
     flights: Iterable[PastFlight], airframe: str | None, before: datetime, since: Since | None
-) -> Iterator[tuple[PastFlight, int, Verdict]]:
+) -> Iterator[tuple[PastFlight, int, PastVerdict]]:
     """Yield the verdicts that count, with flight and vehicle; of a flight in two logs, those of one."""
     ended = [each for each in in_order(flights) if each.end <= before and _judged_by(each, airframe)]
     left_out = superseded(ended)
     for flight in ended:
-        for verdict in flight.assessment.verdicts:
+        for verdict in flight.verdicts:
             vehicle = verdict.vehicle
             if vehicle is None or (flight.log, vehicle) in left_out:
                 continue
@@ -215,19 +299,11 @@ def _counted(
 
 def _judged_by(flight: PastFlight, airframe: str | None) -> bool:
     """Whether at least one of a flight's vehicles was judged with a profile."""
-    judged = flight.assessment.airframe
-    return judged == airframe or airframe in (judged or "").split(", ")
+    return flight.airframe == airframe or airframe in (flight.airframe or "").split(", ")
 
 
-def is_healthy(verdict: Verdict) -> bool:
-    """Return whether a flight may be a reference of the actuator: normal, and without a suspected fault."""
-    found_sound = verdict.condition == verdict.worst and verdict.condition in _SOUND
-    return found_sound and not verdict.suspects
-
-
-def kept_records(verdict: Verdict) -> tuple[OwnRecord, ...]:
-    """Return what later flights need of a flight: of an axis only a healthy one is ever compared with."""
-    return verdict.own if verdict.subject == "actuator" or is_healthy(verdict) else ()
+def _unknown() -> Verdict:
+    raise LookupError("a flight that is kept for its records alone has no whole verdicts")
 
 
 def superseded(flights: Iterable[PastFlight]) -> dict[tuple[str, int], tuple[str, int]]:
@@ -244,7 +320,7 @@ def superseded_by_profile(flights: Iterable[PastFlight]) -> set[tuple[str | None
     """Return each (airframe, log, vehicle) that does not count, of flights judged by any profiles."""
     by_airframe: dict[str | None, list[PastFlight]] = defaultdict(list)
     for flight in flights:
-        by_airframe[flight.assessment.airframe].append(flight)
+        by_airframe[flight.airframe].append(flight)
     return {
         (airframe, *recording)
         for airframe, several in by_airframe.items()
@@ -286,8 +362,8 @@ def with_copies(assessment: Assessment, near: Sequence[PastFlight]) -> Assessmen
     named = tuple(
         FlightCopy(
             vehicle=vehicle,
-            log=other.assessment.log.path,
-            sha256=other.assessment.log.sha256,
+            log=other.path,
+            sha256=other.sha256,
             counts=(other.log, vehicle) not in left_out,
         )
         for own in flight.recordings
@@ -296,85 +372,3 @@ def with_copies(assessment: Assessment, near: Sequence[PastFlight]) -> Assessmen
         if own.flight.is_same(each.flight) and (vehicle := own.flight.vehicle)
     )
     return assessment.model_copy(update={"log": assessment.log.model_copy(update={"copies": named})})
-
-
-def recordings_of(assessment: Assessment) -> tuple[FlightRecording, ...]:
-    """Return a recording for each vehicle whose flight the log identifies."""
-    log = assessment.log
-    return tuple(
-        FlightRecording(flight, _quality(assessment, flight.vehicle))
-        for flight in log.flight
-        if flight.board is not None and _is_dated(flight)
-    )
-
-
-def superseded_recordings(recordings: Mapping[Key, FlightRecording]) -> dict[Key, Key]:
-    """Return for each recording that does not count the one of the same flight that is taken.
-
-    The recordings are considered from the best to the worst; a recording counts unless it is of the same
-    flight as one that counts already. So the result does not depend on the order of ``recordings``, even
-    where one long recording covers two flights that others recorded separately.
-
-    Parameters
-    ----------
-    recordings
-        Recordings by a key of the caller's.
-
-    Examples
-    --------
-    >>> flight = FlightIdentity(vehicle=1, board="0A", boot_utc="2026-01-01T09:00:00+00:00")
-    >>> poor, good = Quality(0, 0, 4, True, "b"), Quality(4, 300, 48, False, "a")
-    >>> sent, logged = FlightRecording(flight, poor), FlightRecording(flight, good)
-    >>> superseded_recordings({"sent": sent, "logged": logged})
-    {'sent': 'logged'}
-    """
-    found: dict[Key, Key] = {}
-    for several in _candidates(recordings):
-        taken: list[Key] = []
-        for key in sorted(several, key=lambda key: recordings[key].quality, reverse=True):
-            flight = recordings[key].flight
-            same = next((best for best in taken if flight.is_same(recordings[best].flight)), None)
-            if same is None:
-                taken.append(key)
-            else:
-                found[key] = same
-    return found
-
-
-def _candidates(recordings: Mapping[Key, FlightRecording]) -> Iterator[list[Key]]:
-    """Yield groups of several recordings whose boot times follow each other closely enough."""
-    by_board: dict[tuple[int, str | None], list[tuple[float, Key]]] = defaultdict(list)
-    for key, recording in recordings.items():
-        by_board[recording.flight.vehicle, recording.flight.board].append((recording.boot_s, key))
-    for booted in by_board.values():
-        booted.sort(key=itemgetter(0))
-        group: list[Key] = []
-        last_s = -inf
-        for boot_s, key in booted:
-            if boot_s - last_s > CLOCKS_APART_S:
-                yield from [group] if len(group) > 1 else []
-                group = []
-            group.append(key)
-            last_s = boot_s
-        yield from [group] if len(group) > 1 else []
-
-
-def _quality(assessment: Assessment, vehicle: int) -> Quality:
-    log = assessment.log
-    own = [each for each in assessment.verdicts if each.vehicle == vehicle and each.actuator != ALL]
-    return Quality(
-        judged=sum(each.gravest not in ("undecided", "unmonitored") for each in own),
-        decidable=sum(each.coverage.decidable for each in own),
-        quantities=sum(len(each.provenance) for each in own),
-        intact=not log.losses.any and not any(each.missing for each in log.losses.sequence),
-        log=log.sha256 or log.path or "",
-    )
-
-
-def _is_dated(flight: FlightIdentity) -> bool:
-    """Return whether the boot time is known, and every time is one."""
-    times = [time for time in (flight.boot_utc, flight.start_utc, flight.end_utc) if time is not None]
-    try:
-        return flight.boot_utc is not None and all(datetime.fromisoformat(time).tzinfo for time in times)
-    except ValueError:
-        return False

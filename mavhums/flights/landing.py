@@ -125,8 +125,8 @@ class OwnFlights:
             return assessment
         count = self.flights.count(flown)
         if stands is None or not count:
-            before = self.flights.recent() if count else ()
-            stands = standings_after(flown, before, self.flights.since(flown.start))
+            known, before = self.flights, self.flights.recent() if count else ()
+            stands = standings_after(flown, before, known.since(flown.start), known.baselines)
         counted = {"standings": stands, "earlier_flights": count}
         return with_copies(assessment, self.flights.near(flown)).model_copy(update=counted)
 

@@ -12,6 +12,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.flights.aircraft import UNKNOWN, AircraftTable
 from mavhums.flights.compare import unpacked
+from mavhums.flights.history import PastFlight
 from mavhums.flights.store import Store
 from mavhums.flights.store.database import (
     AIRCRAFT,
@@ -26,7 +27,8 @@ from mavhums.flights.store.database import (
 from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, verdict_of
 from mavhums.flights.store.logs import aircraft_id, in_parts, since_of
 from mavhums.flights.store.verdicts import STANDINGS
-from mavhums.results.assessment import Assessment
+from mavhums.log.base.decoder import Losses
+from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.standing import (
     LastFlightOf,
     Standing,
@@ -172,15 +174,39 @@ def verdicts(store: Place, aircraft: str) -> list[tuple[str, Verdict]]:
         return [(path, verdict_of(text, own)) for path, text, own in connection.execute(asked.where(own))]
 
 
-def flights(store: Place, aircraft: str) -> list[Assessment]:
+def flights(store: Place, aircraft: str, *, most: int | None = None) -> list[Assessment]:
     """Return an aircraft's dated flights in time order, with verdicts only: without losses, usage and texts.
+
+    Parameters
+    ----------
+    store
+        The store.
+    aircraft
+        Name of the aircraft.
+    most
+        Maximum number of flights, of the latest ones; None for all.
 
     Raises
     ------
     MavhumsError
         If the store does not exist.
     """
-    return [flown.assessment for flown in earlier_flights(Store(store).opened(), aircraft).all()]
+    return [*map(_assessment, earlier_flights(Store(store).opened(), aircraft).latest(most))]
+
+
+def _assessment(flight: PastFlight) -> Assessment:
+    log = LogSummary(
+        path=flight.path,
+        sha256=flight.sha256,
+        start_utc=flight.start.isoformat(),
+        duration_s=(flight.end - flight.start).total_seconds(),
+        vehicles=(),
+        losses=Losses(),
+        flight=flight.flights,
+    )
+    verdicts = tuple(one.whole() for one in flight.verdicts)
+    # not validated again: the parts are
+    return Assessment.model_construct(log=log, airframe=flight.airframe, model=None, verdicts=verdicts)
 
 
 def earlier_flights(store: Store, aircraft: str | None, given: AircraftTable | None = None) -> StoredFlights:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -23,10 +24,9 @@ from mavhums.flights.naming import foreign_boards
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Store
 from mavhums.flights.store.database import AIRCRAFT, FLIGHT, INDICATOR, LOG, RECORDING, VERDICT, us_of
-from mavhums.flights.store.earlier import past_flights
+from mavhums.flights.store.earlier import StoredFlights
 from mavhums.flights.store.logs import FLOWN, aircraft_id, installed, repairs_of, since_of, there_are
-from mavhums.flights.store.verdicts import trend_of
-from mavhums.results.assessment import Assessment
+from mavhums.flights.trends import trend_report
 from mavhums.results.standing import (
     Change,
     FailedLog,
@@ -238,8 +238,8 @@ def trend(
 
 def trend_and_flights(
     store: str | os.PathLike[str], aircraft: str | None = None, **wanted: Collection[str]
-) -> tuple[TrendReport, list[Assessment]]:
-    """Return an aircraft's trends, and its flights as :func:`mavhums.flights.queries.flights` has them."""
+) -> tuple[TrendReport, list[PastFlight]]:
+    """Return an aircraft's trends, and the flights that they rest on."""
     kept = Store(store).opened()
     with kept.reading() as connection, no_collection():
         name = _the_only(connection, kept) if aircraft is None else aircraft
@@ -247,15 +247,22 @@ def trend_and_flights(
             remedy = "name aircraft with --aircraft"
             raise MavhumsError(f"{kept.place}: an unknown aircraft has no trend", remedy)
         whose = aircraft_id(connection, name, creates=False)
-        flown = [] if whose is None else [*past_flights(connection, whose, VERDICT.c.counts)]
+        known = StoredFlights(lambda: nullcontext(connection), whose, since_of(connection, whose or -1))
+        flown = known.latest(None, shown=True)
         if whose is None or not flown:
             raise MavhumsError(f"{kept.place}: no flight of the aircraft {name!r}", there_are(connection))
         _check_shown(kept, flown, **wanted)
-        since, table = since_of(connection, whose), installed(connection, whose)
-        report = trend_of(flown, since, table, name, **wanted)
+        end = flown[-1].end
+        report = trend_report(
+            flown,
+            **wanted,
+            since=installed(connection, whose).since(name, end),
+            repaired=known.since(end),
+            baselines=known.baselines,
+        )
         repairs = sorted(repairs_of(connection, whose), key=lambda repair: repair.at)
     dates = tuple(RepairDate(actuator=one.actuator, at_utc=one.at.isoformat()) for one in repairs)
-    return report.model_copy(update={"repairs": dates}), [flight.assessment for flight in flown]
+    return report.model_copy(update={"repairs": dates}), flown
 
 
 def _the_only(connection: Connection, store: Store) -> str:
@@ -272,7 +279,9 @@ def _check_shown(
     faults: Collection[str] = (),
 ) -> None:
     """Refuse misspelt names: those that occur in no flight."""
-    verdicts = [verdict for flight in flown for verdict in flight.assessment.verdicts]
+    if not (actuators or faults):
+        return
+    verdicts = [verdict for flight in flown for verdict in flight.verdicts]
     shown = {indicator.fault for verdict in verdicts for indicator in verdict.indicators}
     for what, names, there in (
         ("actuator", actuators, {verdict.actuator for verdict in verdicts}),

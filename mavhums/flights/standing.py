@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
-from mavhums.flights.history import PastFlight
+from mavhums.flights.history import PastFlight, PastIndicator, PastVerdict
 from mavhums.health.decision.baseline import LOSSES
 from mavhums.health.decision.growth import Course
 from mavhums.health.decision.thresholds import LASTING_FLIGHTS, TREND_REACH_SPANS
@@ -21,7 +21,7 @@ from mavhums.results.standing import (
     Standing,
     Step,
 )
-from mavhums.results.verdict import Indicator, Interval, Verdict
+from mavhums.results.verdict import Interval, Verdict
 
 _FARTHEST: Final = timedelta(days=36_525)
 
@@ -32,12 +32,12 @@ class Flown(NamedTuple):
     number: int
     flight: PastFlight
     start_utc: str
-    verdict: Verdict
+    verdict: PastVerdict
     gravest: Condition
     counts: bool = True
 
 
-Pairs = Sequence[tuple[Flown, Indicator]]
+Pairs = Sequence[tuple[Flown, PastIndicator]]
 
 
 def growth_of(course: Course, pairs: Pairs, limits: tuple[float | None, float | None]) -> Growth:
@@ -109,7 +109,7 @@ def flights_left(
 
 def step_of(pairs: Pairs, place: int) -> Step:
     """Return the change of an indicator before the flight at an index."""
-    values = np.array([one.value.estimate for _, one in pairs])
+    values = np.array([one.estimate for _, one in pairs])
     before, after = values[:place][-LASTING_FLIGHTS:], values[place:][:LASTING_FLIGHTS]
     size = float(after.mean() - before.mean())
     flown, newest = pairs[place][0], pairs[-1][1]
@@ -140,7 +140,7 @@ def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend]) -> Stan
     condition, first, latest = _state(since)
     if latest is not None:
         # A repair that nobody recorded ends the fault that it mended, and no other.
-        fault = _finding(latest.verdict, condition)["fault"]
+        fault = _finding(latest.verdict.whole(), condition)["fault"]
         mended = max(
             (one.step.flight for one in several if one.fault == fault and one.step and one.step.better),
             default=0,
@@ -151,12 +151,12 @@ def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend]) -> Stan
     # A step of long ago is known, or nobody will look into it any more.
     steps = [one.step for one in several if one.step and last.number - one.step.flight < REFERENCE_FLIGHTS]
     faulty = latest is not None
-    finding = _finding((latest or last).verdict, condition) if faulty else {}
+    finding = _finding((latest or last).verdict.whole(), condition) if faulty else {}
     return Standing(
         subject=last.verdict.subject,
         vehicle=last.verdict.vehicle or 0,
         actuator=last.verdict.actuator,
-        airframe=last.flight.assessment.airframe,
+        airframe=last.flight.airframe,
         condition=condition if faulty else last.gravest,
         last=last.gravest,
         since_flight=first.number if first else None,
@@ -166,10 +166,10 @@ def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend]) -> Stan
         ),
         growth=min(growing, key=lambda one: one.soonest, default=None),
         step=max(steps, key=lambda one: one.flight, default=None),
-        reason=reason_of(last.verdict, last.gravest),
+        reason=reason_of(last.verdict.whole(), last.gravest),
         flights=len(flown),
         last_utc=last.start_utc,
-        log=last.flight.assessment.log.path,
+        log=last.flight.path,
         **finding,
     )
 
@@ -200,35 +200,26 @@ def _found(each: Flown) -> Condition | None:
     """
     if SEVERITY[each.gravest] > 0:
         return each.gravest
-    if any(_is_beyond(one) for one in each.verdict.indicators):
-        return "degraded"
+    for one in each.verdict.indicators:
+        if one.is_beyond:
+            return "degraded"
     return each.gravest if SEVERITY[each.gravest] == 0 else None
-
-
-def _is_beyond(one: Indicator) -> bool:
-    return one.limit is not None and one.fault not in LOSSES and one.value.low > one.limit
-
-
-def highest(verdict: Verdict, one: Indicator) -> float | None:
-    """Return the highest estimate of a flight: the mean over it may lie below a limit that was passed."""
-    values = [each.value for each in verdict.evidence if each.kind == one.fault]
-    return max(values) if values and one.fault not in LOSSES else None
 
 
 def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:
     """Return fault, quantity, value and limit of what a verdict rests on."""
     rules = [each for each in verdict.evidence if each.condition == condition]
     named = [one.fault for one in verdict.suspects] + [one.kind.removesuffix("_drift") for one in rules]
-    beyond = [one for one in verdict.indicators if _is_beyond(one)]
-    shown = [one for fault in named for one in verdict.indicators if one.fault == fault]
-    for one in (*shown, *beyond):
+    indicators = [PastIndicator.of(one, verdict.evidence) for one in verdict.indicators]
+    shown = [one for fault in named for one in indicators if one.fault == fault]
+    for one in (*shown, *(one for one in indicators if one.is_beyond)):
         limit = one.emergency if condition == "emergency" and one.emergency is not None else one.limit
         return {
             "fault": one.fault,
             "quantity": one.quantity,
             "unit": one.unit,
             "value": one.value,
-            "highest": highest(verdict, one),
+            "highest": one.highest,
             "limit": limit,
         }
     for rule in rules:

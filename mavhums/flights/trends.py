@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from functools import cache
-from math import sqrt
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import URGENCY
-from mavhums.core.statistics import NORMAL_95
 from mavhums.flights.aircraft import Since, latest
-from mavhums.flights.history import PastFlight, baselines_of, in_order, superseded_by_profile
-from mavhums.flights.standing import Flown, growth_of, highest, in_sense, standing_of, step_of
-from mavhums.health.decision.baseline import LOSSES, Baseline
+from mavhums.flights.history import (
+    PastFlight,
+    PastIndicator,
+    baselines_of,
+    in_order,
+    superseded_by_profile,
+)
+from mavhums.flights.standing import Flown, growth_of, in_sense, standing_of, step_of
+from mavhums.health.decision.baseline import LOSSES, Baseline, BaselineSource
 from mavhums.health.decision.growth import Course, course_of, last_step
 from mavhums.health.decision.thresholds import LASTING_FLIGHTS, TREND_FLIGHTS
 from mavhums.results.standing import (
@@ -28,10 +32,10 @@ from mavhums.results.standing import (
     Step,
     TrendReport,
 )
-from mavhums.results.verdict import ALL, Indicator, Interval, Verdict
+from mavhums.results.verdict import ALL, Interval
 
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
-_Shown = list[tuple[Flown, Indicator]]
+_Shown = list[tuple[Flown, PastIndicator]]
 _Recordings = Collection[tuple[str | None, str, int]]
 
 
@@ -42,6 +46,7 @@ def trend_report(
     faults: Collection[str] = (),
     since: Since | None = None,
     repaired: Since | None = None,
+    baselines: BaselineSource | None = None,
 ) -> TrendReport:
     """Fit a trend to every indicator of every actuator.
 
@@ -55,37 +60,48 @@ def trend_report(
         Dates from which flights count, by actuator; the key None applies to all others.
     repaired
         Likewise; flights before are shown, but neither trend nor baseline rests on them.
+    baselines
+        Function that returns the baselines for an airframe and a time; those of the flights if None.
     """
-    ordered = in_order(flights)
-    left_out = superseded_by_profile(ordered)
     trends: list[ActuatorTrend] = []
     standings: list[Standing] = []
     unshown: list[str] = []
-    counted = latest(since, repaired)
-    references = cache(lambda airframe, before: baselines_of(ordered, airframe, before, counted))
-    for (vehicle, actuator, airframe), flown in _by_actuator(ordered, left_out, since, counted).items():
+    seen = _Seen.of(flights, since, repaired, baselines)
+    for (vehicle, actuator, _), flown in seen.by_actuator.items():
         if actuators and actuator not in actuators:
             continue
         shown = _by_fault(flown)
         if not shown and flown[-1].verdict.condition != "unmonitored":
             unshown.append(f"{vehicle}: {actuator}")
-        own: list[ActuatorTrend] = []
-        for fault in sorted(shown):
-            newest, _ = shown[fault][-1]
-            baseline = references(airframe, newest.flight.start).get((vehicle, actuator, fault))
-            own.append(_trend(flown, shown[fault], baseline, with_points=fault in (faults or shown)))
+        own = _trends(flown, shown, seen.baselines, faults=faults or shown)
         standings.append(standing_of(flown, own))
         trends += [one for one in own if one.points]
     return TrendReport(
-        flights=sum(_is_counted(flight, left_out) for flight in ordered),
+        flights=seen.flights,
         trends=tuple(sorted(trends, key=_rank)),
         unshown=tuple(unshown),
-        standings=tuple(sorted(standings, key=lambda one: one.rank)),
+        standings=_ranked(standings),
     )
 
 
+def standings_over(
+    flights: Iterable[PastFlight],
+    *,
+    since: Since | None = None,
+    repaired: Since | None = None,
+    baselines: BaselineSource | None = None,
+) -> tuple[Standing, ...]:
+    """Return how each actuator stands over its flights, worst first; arguments as of :func:`trend_report`."""
+    seen = _Seen.of(flights, since, repaired, baselines)
+    several = seen.by_actuator.values()
+    return _ranked(standing_of(flown, _trends(flown, _by_fault(flown), seen.baselines)) for flown in several)
+
+
 def standings_after(
-    flown: PastFlight, recent: Iterable[PastFlight], since: Since | None
+    flown: PastFlight,
+    recent: Iterable[PastFlight],
+    since: Since | None,
+    baselines: BaselineSource | None = None,
 ) -> tuple[Standing, ...]:
     """Return how each actuator stands over its flights, up to this one.
 
@@ -97,17 +113,58 @@ def standings_after(
         The aircraft's flights; those after this one do not count.
     since
         Dates from which an actuator's flights count.
+    baselines
+        As of :func:`trend_report`.
     """
     before = [one for one in recent if one.end <= flown.start and one.log != flown.log]
     if not before:
         return ()
-    report = trend_report([*before, flown], repaired=since)
-    return tuple(one for one in report.standings if one.last_utc == flown.start.isoformat())
+    stand = standings_over([*before, flown], repaired=since, baselines=baselines)
+    return tuple(one for one in stand if one.last_utc == flown.start.isoformat())
+
+
+class _Seen(NamedTuple):
+    """The flights that count of an aircraft, those of each actuator, and what gives their baselines."""
+
+    flights: int
+    by_actuator: dict[tuple[int, str, str | None], list[Flown]]
+    baselines: BaselineSource
+
+    @classmethod
+    def of(
+        cls,
+        flights: Iterable[PastFlight],
+        since: Since | None,
+        repaired: Since | None,
+        baselines: BaselineSource | None,
+    ) -> _Seen:
+        ordered, counted = in_order(flights), latest(since, repaired)
+        left_out = superseded_by_profile(ordered)
+        of_these = cache(lambda airframe, before: baselines_of(ordered, airframe, before, counted))
+        number = sum(_is_counted(flight, left_out) for flight in ordered)
+        return cls(number, _by_actuator(ordered, left_out, since, counted), baselines or of_these)
+
+
+def _ranked(standings: Iterable[Standing]) -> tuple[Standing, ...]:
+    return tuple(sorted(standings, key=lambda one: one.rank))
+
+
+def _trends(
+    flown: list[Flown], shown: dict[str, _Shown], baselines: BaselineSource, *, faults: Collection[str] = ()
+) -> list[ActuatorTrend]:
+    """Return an actuator's trends by fault; those of some faults have their points."""
+    found = []
+    for fault in sorted(shown):
+        newest = shown[fault][-1][0].flight
+        known = baselines(newest.airframe, newest.start)
+        baseline = known.get((flown[-1].verdict.vehicle or 0, flown[-1].verdict.actuator, fault))
+        found.append(_trend(flown, shown[fault], baseline, with_points=fault in faults))
+    return found
 
 
 def _is_counted(flight: PastFlight, left_out: _Recordings) -> bool:
     """Whether no better log records all that it does."""
-    where = flight.assessment.airframe, flight.log
+    where = flight.airframe, flight.log
     recorded = [(*where, each.flight.vehicle) in left_out for each in flight.recordings]
     return not (recorded and all(recorded))
 
@@ -119,14 +176,14 @@ def _by_actuator(
     found: dict[tuple[int, str, str | None], list[Flown]] = {}
     for flight in flights:
         start_utc = flight.start.isoformat()
-        for verdict in flight.assessment.verdicts:
+        for verdict in flight.verdicts:
             if verdict.vehicle is None or verdict.actuator == ALL:
                 continue
-            if (flight.assessment.airframe, flight.log, verdict.vehicle) in left_out:
+            if (flight.airframe, flight.log, verdict.vehicle) in left_out:
                 continue
             if not flight.counts(verdict.actuator, since):
                 continue
-            key = (verdict.vehicle, verdict.actuator, flight.assessment.airframe)
+            key = (verdict.vehicle, verdict.actuator, flight.airframe)
             flown = found.setdefault(key, [])
             counts = flight.counts(verdict.actuator, counted)
             flown.append(Flown(len(flown) + 1, flight, start_utc, verdict, verdict.gravest, counts))
@@ -134,13 +191,11 @@ def _by_actuator(
 
 
 def _by_fault(flown: list[Flown]) -> dict[str, _Shown]:
-    """Return the flights that show each fault's indicator; of several in one flight, the first counts."""
+    """Return the flights that show each fault's indicator."""
     found: dict[str, _Shown] = {}
     for each in flown:
         for one in each.verdict.indicators:
-            pairs = found.setdefault(one.fault, [])
-            if not pairs or pairs[-1][0] is not each:
-                pairs.append((each, one))
+            found.setdefault(one.fault, []).append((each, one))
     return found
 
 
@@ -151,12 +206,13 @@ def _trend(
     pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
     latest = flown[-1].verdict
     limit, emergency = newest.limit, newest.emergency
-    if newest.fault in LOSSES and baseline is not None and latest.limits is not None:
-        limit = latest.limits.effectiveness_degraded * baseline.mean
-        emergency = latest.limits.effectiveness_emergency * baseline.mean
+    limits_of_axis = latest.whole().limits if newest.fault in LOSSES else None
+    if limits_of_axis is not None and baseline is not None:
+        limit = limits_of_axis.effectiveness_degraded * baseline.mean
+        emergency = limits_of_axis.effectiveness_emergency * baseline.mean
     used = [(each, one) for each, one in pairs if each.counts]
     sign = -1.0 if newest.fault in LOSSES else 1.0
-    rows = [(each.number, sign * one.value.estimate, _error(one)) for each, one in used]
+    rows = [(each.number, sign * one.estimate, one.error) for each, one in used]
     numbers, values, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
     place = last_step(values, errors)
     step = None if place is None else step_of(used, place)
@@ -171,7 +227,7 @@ def _trend(
         subject=latest.subject,
         vehicle=latest.vehicle or 0,
         actuator=latest.actuator,
-        airframe=flown[-1].flight.assessment.airframe,
+        airframe=flown[-1].flight.airframe,
         fault=newest.fault,
         quantity=newest.quantity,
         unit=newest.unit,
@@ -189,22 +245,24 @@ def _trend(
         step=step,
         flights_left=_life(left),
         reason=_why_unknown(grown, emergency, len(used) - (place or 0), step),
-        points=_POINTS.validate_python(
-            [
-                {
-                    "flight": each.number,
-                    "start_utc": each.start_utc,
-                    "log": each.flight.assessment.log.path,
-                    "value": one.value,
-                    "highest": highest(each.verdict, one),
-                    "end": _at_end(each.verdict, one),
-                    "condition": each.gravest,
-                }
-                for each, one in pairs
-                if with_points
-            ]
-        ),
+        points=_POINTS.validate_python(_points(pairs) if with_points else []),
     )
+
+
+def _points(pairs: _Shown) -> list[dict[str, object]]:
+    at_end = pairs[-1][1].fault == "friction"
+    return [
+        {
+            "flight": each.number,
+            "start_utc": each.start_utc,
+            "log": each.flight.path,
+            "value": {"estimate": one.estimate, "low": one.low, "high": one.high},
+            "highest": one.highest,
+            "end": each.verdict.friction_nm if at_end else None,
+            "condition": each.gravest,
+        }
+        for each, one in pairs
+    ]
 
 
 def _grew(course: Course, numbers: Array, values: Array, errors: Array, begin: int) -> bool:
@@ -220,11 +278,6 @@ def _grew(course: Course, numbers: Array, values: Array, errors: Array, begin: i
         for back in range(1, LASTING_FLIGHTS)
     )
     return any(one is not None and one.grows for one in earlier)
-
-
-def _at_end(verdict: Verdict, one: Indicator) -> float | None:
-    friction = verdict.friction_nm
-    return friction.estimate if one.fault == "friction" and friction is not None else None
 
 
 def _life(left: FlightsLeft | None) -> Interval | None:
@@ -247,17 +300,10 @@ def _why_unknown(
     return None if _life(growth.to_emergency) else "it grows, but may never reach its limit"
 
 
-def _error(one: Indicator) -> float:
-    """Return the standard error of the flight-to-flight part, which excludes the torque scale."""
-    if one.scatter is not None:
-        return one.scatter / sqrt(one.windows)
-    return (one.value.high - one.value.low) / (2 * NORMAL_95)
-
-
-def _change(newest: Indicator, expected: Interval | None) -> Interval | None:
+def _change(newest: PastIndicator, expected: Interval | None) -> Interval | None:
     if expected is None:
         return None
-    value = newest.value.estimate
+    value = newest.estimate
     return Interval(estimate=value - expected.estimate, low=value - expected.high, high=value - expected.low)
 
 

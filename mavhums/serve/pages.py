@@ -41,6 +41,7 @@ from mavhums.show.trend import trend_blocks
 
 _SUBJECTS: Final = 4000
 _AIRCRAFT: Final = 300
+_FLIGHTS: Final = 300
 _FEW: Final = 3  # logs with all their buttons, above an answer
 _BUSY_MS, _QUIET_MS = 300, 1000
 """Time after which an open page asks for the list of logs again: while something is judged, and else."""
@@ -199,13 +200,15 @@ def _add_fleet(app: FastAPI, store: str, page: Page) -> None:
     def aircraft_page(name: str = "") -> Response:
         values: dict[str, Any] = {"name": name, "problem": ""}
         try:
-            report, flights = reports.trend_and_flights(store, name)
+            report, flown = reports.trend_and_flights(store, name)
+            flights = queries.flights(store, name, most=_FLIGHTS)
         except MavhumsError as error:
             values["problem"] = str(error)
         else:
             values |= {
-                "trends": trends(report, flight_pages(name, flights)),
+                "trends": trends(report, flight_pages(name, flown)),
                 "flights": flight_table(name, flights),
+                "more": len(flown) > len(flights),
                 "query": urlencode({"aircraft": name}),
             }
         return page("aircraft.html", "an aircraft", "/fleet", **values)

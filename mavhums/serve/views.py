@@ -101,9 +101,9 @@ def _date(start_utc: str | None) -> str:
     return f"{start_utc[:10]} {start_utc[11:16]} UTC" if start_utc else "date not known"
 
 
-def flight_pages(aircraft: str, flights: Iterable[Assessment]) -> dict[str, str]:
+def flight_pages(aircraft: str, flights: Iterable[PastFlight]) -> dict[str, str]:
     """Return the address of each flight's page, by its start."""
-    return {one.log.start_utc or "": _address(aircraft, one) for one in flights}
+    return {one.start.isoformat(): _address(aircraft, one.sha256) for one in flights}
 
 
 def flight_table(aircraft: str, flights: Sequence[Assessment]) -> TableBlock:
@@ -117,15 +117,15 @@ def _flight(aircraft: str, flight: Assessment) -> list[Cell]:
     brief, when = headline(flight), _date(flight.log.start_utc)
     mark: list[Part] = [brief.mark] if brief.mark else []
     return [
-        [Anchor(when, _address(aircraft, flight))],
+        [Anchor(when, _address(aircraft, flight.log.sha256))],
         mark,
         brief.text,
         PurePath(flight.log.path or "").name,
     ]
 
 
-def _address(aircraft: str, flight: Assessment) -> str:
-    return f"/fleet/flight?{urlencode({'aircraft': aircraft, 'log': flight.log.sha256 or ''})}"
+def _address(aircraft: str, sha256: str | None) -> str:
+    return f"/fleet/flight?{urlencode({'aircraft': aircraft, 'log': sha256 or ''})}"
 
 
 def trends_shown(report: TrendReport, starts: Iterable[str]) -> list[ActuatorView]:

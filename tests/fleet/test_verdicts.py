@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
@@ -19,7 +20,7 @@ from mavhums.flights.history import PastFlight, baselines_of, records_of, supers
 from mavhums.flights.store import Row
 from tests.fleet.stores import add, row_of, table, verdicts_of
 from tests.fleet_logs import small
-from tests.flights import identity
+from tests.flights import flown, identity, shown, verdict
 from tests.health.self_baseline.servo import Servo, left
 
 NAME = "D-A"
@@ -83,7 +84,7 @@ def sequential(flights: Sequence[StandaloneAssessment]) -> tuple[Told, dict[str,
         told[assessment.log.path or ""] = sorted(one.model_dump_json() for one in assessment.verdicts)
         if start:
             history.append(PastFlight.of(assessment))
-    paths = {flight.log: flight.assessment.log.path or "" for flight in history}
+    paths = {flight.log: flight.path or "" for flight in history}
     copies = {paths[log]: paths[taken] for (log, _), (taken, _) in superseded(history).items()}
     return {log: verdicts for log, verdicts in told.items() if log not in copies}, copies
 
@@ -110,3 +111,20 @@ def test_in_any_order_and_parts_the_verdicts_are_those_of_the_whole_history(
     assert verdicts_of(store, NAME) == verdicts
     assert {one.log: one.counted for one in fleet.status(store).copies} == copies
     assert not any(row["due"] for row in table(store, "flight"))
+
+
+@pytest.mark.parametrize(
+    ("day", "again"),
+    [(27.5, 1), (28.5, 1), (0.5, 29)],  # itself, and for the last one all but the first
+    ids=["after the baseline", "the latest", "within the baseline"],
+)
+def test_a_late_flight_compares_again_what_it_changes(tmp_path: Path, day: float, again: int) -> None:
+    """Twenty flights are a baseline, and five more may replace copies among them."""
+    several = [flown(verdict(shown(0.2)), day=day) for day in (*range(29), day)]
+    *there, late = (row_of(one, NAME) for one in several)
+    add(tmp_path / "store", *there)
+    with patch("mavhums.flights.store.verdicts.compared", wraps=compared) as comparing:
+        add(tmp_path / "store", late)
+    assert comparing.call_count == again
+    add(tmp_path / "other", *there, late)
+    assert verdicts_of(tmp_path / "store", NAME) == verdicts_of(tmp_path / "other", NAME)

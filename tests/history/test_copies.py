@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 import mavhums
 from mavhums.core.errors import ExitCode
-from mavhums.flights.history import FlightRecording, PastFlight, Quality, superseded_recordings, with_copies
+from mavhums.flights.history import PastFlight, with_copies
 from mavhums.flights.queries import earlier_flights
+from mavhums.flights.recordings import FlightRecording, Quality, superseded_recordings
 from mavhums.flights.store import Store
 from mavhums.flights.store.earlier import StoredFlights
 from mavhums.flights.trends import trend_report

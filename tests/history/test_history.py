@@ -11,7 +11,7 @@ import pytest
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import Since
-from mavhums.flights.history import PastFlight, baselines_of, kept_records
+from mavhums.flights.history import PastFlight, PastVerdict, baselines_of
 from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store
 from mavhums.health.decision.baseline import Baseline, Baselines
@@ -104,7 +104,7 @@ def test_of_an_axis_only_a_healthy_flight_is_kept_for_later_ones() -> None:
         one = verdict(condition=condition, suspect=suspect).model_copy(
             update={"subject": subject, "own": own}
         )
-        assert kept_records(one) == own * is_kept
+        assert PastVerdict.of(one).own == own * is_kept
 
 
 def test_only_flights_of_one_profile_and_board_may_be_one_flight(tmp_path: Path) -> None:
@@ -116,4 +116,4 @@ def test_only_flights_of_one_profile_and_board_may_be_one_flight(tmp_path: Path)
     own = flown(verdict(), name="own", identities=[identity()])
     write_store(tmp_path / "store", {"D-A": [a, *others, own]})
     near = earlier_flights(Store(tmp_path / "store"), "D-A").near(PastFlight.of(own))
-    assert [flight.assessment.log.path for flight in near] == ["a.tlog"]
+    assert [flight.path for flight in near] == ["a.tlog"]

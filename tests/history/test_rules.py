@@ -19,7 +19,8 @@ from mavhums.flights.aircraft import (
     board_of,
     check_aircraft_rule,
 )
-from mavhums.flights.history import PastFlight, recordings_of, superseded_recordings
+from mavhums.flights.history import PastFlight, PastIndicator
+from mavhums.flights.recordings import recordings_of, superseded_recordings
 from mavhums.flights.reports import _kinds
 from mavhums.flights.standing import Flown, flights_left, standing_of, step_of
 from mavhums.results.standing import Growth, Standing, Step
@@ -33,7 +34,7 @@ DAY = timedelta(days=1)
 def flight(number: int, day: float, judged: Verdict | None = None) -> Flown:
     judged = judged or verdict()
     past = PastFlight.of(flown(judged, day=day))
-    return Flown(number, past, past.start.isoformat(), judged, judged.gravest)
+    return Flown(number, past, past.start.isoformat(), past.verdicts[0], judged.gravest)
 
 
 def step(at: int, *, fault: str = "friction", better: bool = True) -> Step:
@@ -72,7 +73,8 @@ def test_flights_that_tell_no_rate_give_no_dates(days: tuple[float, ...]) -> Non
 @pytest.mark.parametrize(("fault", "better"), [("friction", False), ("effectiveness", True)])
 def test_a_step_is_the_difference_of_five_flights_before_and_after(fault: str, better: bool) -> None:
     values = [9.0, 9.0, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 8.0, 9.0, 10.0, 11.0, 99.0]
-    pairs = [(flight(k, k), shown(value, fault=fault)) for k, value in enumerate(values, 1)]
+    several = [PastIndicator.of(shown(value, fault=fault), ()) for value in values]
+    pairs = [(flight(k, k), one) for k, one in enumerate(several, 1)]
     found = step_of(pairs, 7)
     assert (found.flight, found.size, found.better) == (8, 6.0, better)
 

@@ -14,6 +14,7 @@ from mavhums.flights.reports import _kinds
 from mavhums.flights.trends import standings_after, trend_report
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.growth import course_of
+from mavhums.results.assessment import Assessment
 from mavhums.results.sections import AxisLimits
 from mavhums.results.standing import Change, Standing
 from mavhums.results.verdict import ALL, Since
@@ -24,11 +25,15 @@ from tests.present import present
 
 
 def history(values: list[float], *, scatter: float = 0.0, alone: float = 0.02) -> list[PastFlight]:
+    return [*map(PastFlight.of, assessments(values, scatter=scatter, alone=alone))]
+
+
+def assessments(values: list[float], *, scatter: float = 0.0, alone: float = 0.02) -> list[Assessment]:
     """Flights of an elevator; each alone is degraded only where it lies far above the limit."""
     seen = np.asarray(values) + scatter * np.random.default_rng(len(values)).standard_normal(len(values))
     conditions: list[Condition] = ["degraded" if one > 0.375 + alone else "normal" for one in seen]
     judged = [verdict(shown(at), condition=said) for at, said in zip(seen.tolist(), conditions, strict=True)]
-    return [PastFlight.of(flown(one, day=day)) for day, one in enumerate(judged)]
+    return [flown(one, day=day) for day, one in enumerate(judged)]
 
 
 def standing(values: list[float], **given: float) -> Standing:
@@ -157,9 +162,10 @@ def test_a_fault_that_was_not_asked_for_is_told_of_the_last_flight(condition: Co
 
 def test_a_flight_and_its_history_never_contradict_each_other() -> None:
     """The last flight alone is normal; the assessment says that it grows, and does not end with 0."""
-    flights = history([0.21 + 0.005 * day for day in range(24)], scatter=0.008)
+    several = assessments([0.21 + 0.005 * day for day in range(24)], scatter=0.008)
+    flights = [*map(PastFlight.of, several)]
     *before, last = flights
-    told = last.assessment.model_copy(update={"standings": standings_after(last, before, None)})
+    told = several[-1].model_copy(update={"standings": standings_after(last, before, None)})
     assert told.standings[0].growth is not None
     assert told.exit_code.name == "DEGRADED"
     assert standings_after(last, [], None) == ()
@@ -172,12 +178,12 @@ def test_a_flight_and_its_history_never_contradict_each_other() -> None:
     ("since_s", "said"), [(0.0, "degraded since flight 3 of 5 (2026-03-03)"), (60.0, "degraded since 1m00s")]
 )
 def test_a_fault_of_an_earlier_flight_is_not_dated_to_this_one(since_s: float, said: str) -> None:
-    *before, last = history([0.2, 0.2, 0.5, 0.5, 0.5])
-    [judged] = last.assessment.verdicts
+    *earlier, last = assessments([0.2, 0.2, 0.5, 0.5, 0.5])
+    [judged] = last.verdicts
     judged = judged.model_copy(update={"since": Since(flight_time_s=since_s, utc=START.isoformat())})
-    now = PastFlight.of(last.assessment.model_copy(update={"verdicts": (judged,)}))
-    stood = standings_after(now, before, None)
-    assert said in headline(now.assessment.model_copy(update={"standings": stood})).text
+    now = last.model_copy(update={"verdicts": (judged,)})
+    stood = standings_after(PastFlight.of(now), map(PastFlight.of, earlier), None)
+    assert said in headline(now.model_copy(update={"standings": stood})).text
 
 
 def test_the_baseline_is_the_level_before_the_growth() -> None:

@@ -77,7 +77,7 @@ def test_flights_come_latest_first_and_lead_to_their_reports() -> None:
     address = f"/fleet/flight?aircraft=D+%26+A&log={flights[1].log.sha256}"
     assert last[:2] == [[Anchor("2026-03-02 09:00 UTC", address)], [Mark("normal")]]
     assert first[3] == "0.tlog"
-    assert flight_pages("D & A", flights)["2026-03-02T09:00:00+00:00"] == address
+    assert flight_pages("D & A", map(PastFlight.of, flights))["2026-03-02T09:00:00+00:00"] == address
 
 
 def trend(actuator: str, fault: str, *, grows: bool = False, last: float = 0.2) -> ActuatorTrend:
@@ -140,6 +140,7 @@ def test_texts_of_a_store_are_never_markup() -> None:
     named = trend(MARKUP, "friction").model_copy(update={"quantity": MARKUP})
     report = TrendReport(flights=12, trends=(named,), unshown=(MARKUP,))
     seen = {"problem": "", "query": "", "trends": trends(report, {}), "flights": flight_table(MARKUP, [])}
-    text = render("aircraft.html", name=MARKUP, **page, **seen)
+    text = render("aircraft.html", name=MARKUP, more=True, **page, **seen)
+    assert "The latest 0 are listed" in text
     assert "<img" not in text
     assert text.count("&lt;img") >= 5

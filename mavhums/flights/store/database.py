@@ -203,8 +203,12 @@ INDICATOR: Final = Table(
     *_of_verdict(),
     _text("fault", primary_key=True),
     *map(_text, ("quantity", "unit")),
-    *_numbers("estimate", "low", "high", "degraded", "emergency"),
+    *_numbers("estimate", "low", "high", "error", "highest", "degraded", "emergency"),
+    sqlite_with_rowid=False,  # those of a flight lie together
 )
+"""``error`` is the standard error of the part that differs between flights, ``highest`` the highest estimate
+in flight that decided a condition."""
+
 RECORD: Final = Table("record", METADATA, *_of_verdict(), _text("own", nullable=False))
 STANDING: Final = Table(
     "standing",
@@ -233,7 +237,7 @@ JOURNAL: Final = Table(
 SETTING: Final = Table("setting", METADATA, _text("name", primary_key=True), _text("value", nullable=False))
 
 
-SCHEMA: Final = "1"
+SCHEMA: Final = "2"
 """Version of the tables."""
 
 FORMAT: Final = 3

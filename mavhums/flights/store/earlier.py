@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import cache, cached_property, partial
 from itertools import groupby
@@ -16,23 +16,20 @@ from sqlalchemy import Connection, func, select
 from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import Since, latest
 from mavhums.flights.history import (
-    FlightRecording,
     PastFlight,
-    Quality,
-    baselines_of,
-    is_healthy,
-    kept_records,
+    PastIndicator,
+    PastVerdict,
+    baselines_on,
     records_of,
     references,
 )
-from mavhums.flights.store.database import FLIGHT, RECORD, RECORDING, VERDICT, time_of, us_of
+from mavhums.flights.recordings import FlightRecording, Quality
+from mavhums.flights.store.database import FLIGHT, INDICATOR, RECORD, RECORDING, VERDICT, time_of, us_of
 from mavhums.flights.store.logs import in_parts
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
-from mavhums.log.base.decoder import Losses
-from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
-from mavhums.results.verdict import OwnRecord, Verdict
+from mavhums.results.verdict import Indicator, OwnRecord, Verdict
 
 RECENT_FLIGHTS: Final = 200
 """Flights that tell how an aircraft stands; a year of flights."""
@@ -40,12 +37,15 @@ RECENT_FLIGHTS: Final = 200
 # Twice, because a recording may be as far from the one before it as that one is from the first.
 _NEAR_US: Final = round(2e6 * CLOCKS_APART_S)
 OF_VERDICT: Final = (RECORD.c.flight_id == VERDICT.c.flight_id) & (RECORD.c.place == VERDICT.c.place)
-_SLIM: Final = ("vehicle", "subject", "actuator", "condition", "worst", "suspect")
+_OF_FLIGHT: Final = [
+    FLIGHT.c[name] for name in ("id", "path", "sha256", "airframe", "start_us", "duration_s")
+]
+_OF_VERDICT: Final = [VERDICT.c[name] for name in ("place", *PastVerdict._fields[:7])]
+_OF_INDICATOR: Final = [INDICATOR.c[{"limit": "degraded"}.get(name, name)] for name in PastIndicator._fields]
 # More than a baseline takes: a recording may turn out to be of the same flight as a better one.
 _WANTED: Final = REFERENCE_FLIGHTS + 5
 OWN: Final = TypeAdapter(tuple[OwnRecord, ...])
-_LOG: Final = LogSummary(path=None, sha256=None, start_utc=None, duration_s=0.0, vehicles=(), losses=Losses())
-_BLOCK: Final = 32  # flights whose records are read together; a baseline takes 20
+_BLOCK: Final = 32  # flights whose verdicts are read together; a baseline takes 20
 
 Reading = Callable[[], AbstractContextManager[Connection]]
 QUALITY: Final = TypeAdapter(Quality)
@@ -57,57 +57,62 @@ def verdict_of(text: str, own: str | None = None) -> Verdict:
     return verdict.model_copy(update={"own": OWN.validate_json(own)}) if own else verdict
 
 
-def past_flights(
-    connection: Connection, aircraft: int, *where: Any, records: Reading | None = None
-) -> Iterator[PastFlight]:
-    """Yield an aircraft's dated flights in time order, each with its verdicts and the times of its log.
-
-    The verdicts have no records: only own-scale equations need them.
+def past_flights(reading: Reading, aircraft: int, *where: Any, shown: bool = False) -> list[PastFlight]:
+    """Return an aircraft's dated flights in time order, each with its verdicts and the times of its log.
 
     Parameters
     ----------
-    connection
-        Of the store.
+    reading
+        Returns a connection to the store; by it whole verdicts and their records are read later, too.
     aircraft
         Id of the aircraft.
     where
         Conditions on the flights and their verdicts.
-    records
-        Takes of the verdicts what own-scale equations need of earlier flights, and nothing else; it returns a
-        connection by which the records are read when they are asked for.
+    shown
+        Whether the verdicts have their indicators.
     """
-    columns = (FLIGHT.c.id, FLIGHT.c.path, FLIGHT.c.sha256, FLIGHT.c.start_us, FLIGHT.c.airframe)
-    asked = select(*columns, FLIGHT.c.duration_s).join(VERDICT, VERDICT.c.flight_id == FLIGHT.c.id)
-    if records is None:
-        asked = asked.add_columns(VERDICT.c.verdict)
-    else:
-        asked = asked.add_columns(VERDICT.c.place, *(VERDICT.c[name] for name in _SLIM))
-    asked = asked.where(FLIGHT.c.aircraft_id == aircraft, FLIGHT.c.start_us.is_not(None), *where).order_by(
-        FLIGHT.c.start_us, FLIGHT.c.path, FLIGHT.c.id, VERDICT.c.place
-    )
-    found = connection.execute(asked).all()
-    ids = [*dict.fromkeys(row.id for row in found)]
-    known, kept = _recordings_in(connection, ids), _kept_in(records, ids) if records else {}
-    for (flight_id, path, sha256, start_us, airframe, duration_s), rows in groupby(
-        found, key=lambda row: row[:6]
-    ):
-        start = time_of(start_us)
-        recorded = known.get(flight_id, ())
-        times = {"path": path, "sha256": sha256, "start_utc": start.isoformat(), "duration_s": duration_s}
-        log = _LOG.model_copy(update=times | {"flight": tuple(identity for identity, _ in recorded)})
-        if records:
-            # after the flight's six columns and the place: what _SLIM names
-            verdicts: Any = tuple(
-                _PastVerdict._make((*row[7:12], row.suspect or (), _Kept(kept[row.id], (row.id, row.place))))
-                for row in rows
+    own = (FLIGHT.c.aircraft_id == aircraft, FLIGHT.c.start_us.is_not(None), *where)
+    asked = select(*_OF_FLIGHT, *_OF_VERDICT).join(VERDICT, VERDICT.c.flight_id == FLIGHT.c.id).where(*own)
+    asked = asked.order_by(FLIGHT.c.start_us, FLIGHT.c.path, FLIGHT.c.id, VERDICT.c.place)
+    with no_collection(), reading() as connection:
+        rows = connection.execute(asked).all()
+        ids = [*dict.fromkeys(row[0] for row in rows)]
+        known = _recordings_in(connection, ids)
+        indicators = _indicators(connection, own) if shown else {}
+        blocks = _blocks(reading, ids)
+        flights = []
+        for (flight, path, sha256, airframe, start_us, duration_s), several in groupby(
+            rows, key=lambda row: row[:6]
+        ):
+            verdicts: list[PastVerdict] = []
+            for row in several:
+                at = flight, row.place
+                kept = _Kept(blocks[flight], at)
+                verdicts.append(PastVerdict._make((*row[7:], indicators.get(at, ()), kept, kept.whole)))
+            start, recorded = time_of(start_us), known.get(flight, ())
+            flown = PastFlight(
+                path=path,
+                sha256=sha256,
+                airframe=airframe,
+                start=start,
+                end=start + timedelta(seconds=duration_s),
+                verdicts=tuple(verdicts),
+                flights=tuple(identity for identity, _ in recorded),
+                recordings=tuple(FlightRecording(one, quality) for one, quality in recorded if quality),
             )
-        else:
-            verdicts = tuple(verdict_of(row.verdict) for row in rows)
-        # not validated again: the verdicts are parsed, or have what is asked for alone
-        assessment = Assessment.model_construct(log=log, airframe=airframe, model=None, verdicts=verdicts)
-        end = start + timedelta(seconds=duration_s)
-        recordings = tuple(FlightRecording(identity, quality) for identity, quality in recorded if quality)
-        yield PastFlight(assessment, start, end, recordings=recordings)
+            flights.append(flown)
+    return flights
+
+
+def _indicators(connection: Connection, where: Iterable[Any]) -> dict[tuple[int, int], list[PastIndicator]]:
+    """Return the indicators of verdicts, by flight and place."""
+    same = (INDICATOR.c.flight_id == VERDICT.c.flight_id) & (INDICATOR.c.place == VERDICT.c.place)
+    asked = select(INDICATOR.c.flight_id, INDICATOR.c.place, *_OF_INDICATOR).select_from(FLIGHT)
+    asked = asked.join(VERDICT, VERDICT.c.flight_id == FLIGHT.c.id).join(INDICATOR, same).where(*where)
+    found: dict[tuple[int, int], list[PastIndicator]] = defaultdict(list)
+    for flight, place, *one in connection.execute(asked).all():
+        found[flight, place].append(PastIndicator(*one))
+    return found
 
 
 def _recordings_in(
@@ -124,49 +129,52 @@ def _recordings_in(
     return found
 
 
-class _PastVerdict(NamedTuple):
-    """What a comparison needs of a verdict, in its place: whole ones are slow to make."""
-
-    vehicle: int | None
-    subject: str
-    actuator: str
-    condition: str
-    worst: str
-    suspects: Collection[object]
-    own: Sequence[OwnRecord]
-
-
 class _Kept(Sequence[OwnRecord]):
-    """The records of a verdict, which are read when they are asked for: a comparison takes a few flights."""
+    """The records of a verdict, read with the verdict when one is asked for: a comparison takes a few."""
 
-    def __init__(self, block: Callable[[], dict[tuple[int, int], str]], place: tuple[int, int]) -> None:
-        self._block, self._place = block, place
+    def __init__(self, block: _Block, at: tuple[int, int]) -> None:
+        self._block, self._at = block, at
+        self._verdict: Verdict | None = None
 
-    @cached_property
-    def _own(self) -> tuple[OwnRecord, ...]:
-        text = self._block().get(self._place)
-        return OWN.validate_json(text) if text else ()
+    def whole(self) -> Verdict:
+        """Return the verdict."""
+        if self._verdict is None:
+            self._verdict = verdict_of(*self._block()[self._at])
+        return self._verdict
 
     def __getitem__(self, index: Any) -> Any:
-        return self._own[index]
+        return self.whole().own[index]
 
     def __len__(self) -> int:
-        return len(self._own)
+        return len(self.whole().own)
 
 
-def _kept_in(reading: Reading, flights: Sequence[int]) -> dict[int, Callable[[], dict[tuple[int, int], str]]]:
-    """Return what reads the records of each flight, and keeps those of the flights around it."""
-    blocks: dict[int, Callable[[], dict[tuple[int, int], str]]] = {}
+_Block = Callable[[], dict[tuple[int, int], tuple[str, str | None]]]
+
+
+def _blocks(reading: Reading, flights: Sequence[int]) -> dict[int, _Block]:
+    """Return what reads the verdicts of each flight, and keeps those of the flights around it."""
+    blocks: dict[int, _Block] = {}
     for first in range(0, len(flights), _BLOCK):
         part = flights[first : first + _BLOCK]
-        blocks |= dict.fromkeys(part, cache(partial(_read_records, reading, part)))
+        blocks |= dict.fromkeys(part, cache(partial(_read, reading, part)))
     return blocks
 
 
-def _read_records(reading: Reading, flights: Sequence[int]) -> dict[tuple[int, int], str]:
-    asked = select(RECORD.c.flight_id, RECORD.c.place, RECORD.c.own).where(RECORD.c.flight_id.in_(flights))
+def _read(reading: Reading, flights: Sequence[int]) -> dict[tuple[int, int], tuple[str, str | None]]:
+    columns = (VERDICT.c.flight_id, VERDICT.c.place, VERDICT.c.verdict, RECORD.c.own)
+    asked = select(*columns).select_from(VERDICT).outerjoin(RECORD, OF_VERDICT)
     with reading() as connection:
-        return {(flight, place): own for flight, place, own in connection.execute(asked)}
+        rows = connection.execute(asked.where(VERDICT.c.flight_id.in_(flights)))
+        return {(flight, place): (text, own) for flight, place, text, own in rows}
+
+
+class _References(NamedTuple):
+    """What baselines rest on, by vehicle, actuator and fault, of an airframe at a time, and the baselines."""
+
+    key: object
+    known: dict[tuple[int, str, str], list[Indicator]]
+    baselines: Baselines
 
 
 class StoredFlights:
@@ -198,28 +206,31 @@ class StoredFlights:
         self._reading, self._aircraft, self._since, self._given = reading, aircraft, since, given
         self._before = before_us
         self._records: list[PastFlight] | None = None
-        self._latest: dict[object, Baselines] = {}
+        self._latest: dict[str | None, _References] = {}
 
     def since(self, moment: datetime) -> Since:
         """Return the dates from which flights count for one at a time."""
         return latest(self._since(moment), self._given(moment))
 
-    def all(self) -> list[PastFlight]:
-        """Return all flights that count, in time order."""
-        return self._asked(VERDICT.c.counts)
+    def recent(self) -> list[PastFlight]:
+        """Return the flights that tell how the aircraft stands, with their indicators."""
+        return self.latest(RECENT_FLIGHTS, shown=True)
 
-    def recent(self) -> Sequence[PastFlight]:
-        """Return the latest flights that count."""
+    def latest(self, most: int | None, *, shown: bool = False) -> list[PastFlight]:
+        """Return the latest flights that count, or all; ``shown`` as of :func:`past_flights`."""
+        if most is None:
+            return self._asked(VERDICT.c.counts, shown=shown)
         newest = (
             select(FLIGHT.c.start_us)
             .where(FLIGHT.c.aircraft_id == self._aircraft, FLIGHT.c.start_us.is_not(None))
             .order_by(FLIGHT.c.start_us.desc())
-            .offset(RECENT_FLIGHTS - 1)
+            .offset(most - 1)
             .limit(1)
         )
         with self._reading() as connection:
             first = connection.scalar(newest)
-        return self._asked(VERDICT.c.counts, *([] if first is None else [FLIGHT.c.start_us >= first]))
+        since = [] if first is None else [FLIGHT.c.start_us >= first]
+        return self._asked(VERDICT.c.counts, *since, shown=shown)
 
     def baselines(self, airframe: str | None, before: datetime | None) -> Baselines:
         """Return each actuator's baseline from all flights, as of :func:`baselines_of`.
@@ -228,14 +239,19 @@ class StoredFlights:
         """
         if before is None:
             return {}
+        return self._rests_on(airframe, before).baselines
+
+    def _rests_on(self, airframe: str | None, before: datetime) -> _References:
         dates = self.since(before)
         # Where other dates count than in the store, a baseline may rest on any flight.
         flights = self._references if dates == self._since(before) else self._all
         ended = tuple(flight for flight in flights if flight.end <= before)
-        key = (airframe, tuple(map(id, ended)), tuple(dates.items()))
-        if key not in self._latest:  # the same for all flights after the last reference
-            self._latest = {key: baselines_of(ended, airframe, before, dates)}
-        return self._latest[key]
+        key = tuple(map(id, ended)), tuple(dates.items())
+        latest = self._latest.get(airframe)
+        if latest is None or latest.key != key:  # the same for all flights after the last reference
+            known = references(ended, airframe, before, dates, _WANTED)
+            latest = self._latest[airframe] = _References(key, known, baselines_on(known))
+        return latest
 
     def past(
         self, airframe: str | None, before: datetime | None
@@ -246,32 +262,36 @@ class StoredFlights:
         if self._records is None:
             # With the flights that were judged since the first one that is not there.
             judged = [] if self._before is None else [FLIGHT.c.start_us < us_of(before)]
-            self._records = self._asked(*judged, records=True)
+            self._records = self._asked(*judged)
         return records_of(self._records, airframe, before, self.since(before))
 
-    def add(self, flown: PastFlight) -> list[str]:
-        """Take the next flight; return the logs on which a baseline may rest from now on.
+    def add(self, flown: PastFlight, near: Iterable[PastFlight]) -> list[str]:
+        """Take the next flight, and those near it; return the logs on which a baseline may rest from now on.
 
         Other recordings of such a flight are among them: a better one that shows a fault replaces it.
         """
-        dates, airframe = self.since(flown.start), flown.assessment.airframe
-        ended = [flight for flight in self._references if flight.end <= flown.start]
-        known = references(ended, airframe, flown.start, dates, _WANTED)
+        dates = self.since(flown.start)
+        known = self._rests_on(flown.airframe, flown.start).known
         wanted = any(
             len(known.get((verdict.vehicle or 0, verdict.actuator, shown.fault), ())) < _WANTED
-            for verdict in flown.assessment.verdicts
-            if is_healthy(verdict) and flown.counts(verdict.actuator, dates)
+            for verdict in flown.verdicts
+            if verdict.is_healthy and flown.counts(verdict.actuator, dates)
             for shown in verdict.indicators
         )
         if self._records is not None:
-            self._records.append(_record_of(flown))
-        near = [each for each in self.near(flown) if each.start <= flown.start]
+            self._records.append(flown.slim())
+        near = [each for each in near if each.start <= flown.start]
         logs = {each.log for each in self._references}
         if not wanted and not any(each.log in logs for each in near):
             return []
         new = [flown, *(each for each in near if each.log not in logs)]
-        self._references += [each.slim() for each in new]
+        self._references += new
         return [each.log for each in new]
+
+    def forget_after(self, start: datetime, path: str = "") -> None:
+        """Forget on which flights after one a baseline rests: they are compared again."""
+        known = self._references
+        self._references = [each for each in known if (each.start, each.path or "") <= (start, path)]
 
     def near(self, flight: PastFlight) -> list[PastFlight]:
         """Return the flights in other logs, judged by the same profile, that may be the same flight."""
@@ -283,8 +303,8 @@ class StoredFlights:
             RECORDING.c.board.in_(boards),
             RECORDING.c.boot_us.between(min(boots) - _NEAR_US, max(boots) + _NEAR_US),
         )
-        same_profile = FLIGHT.c.airframe.is_not_distinct_from(flight.assessment.airframe)
-        own = flight.assessment.log.sha256 or ""
+        same_profile = FLIGHT.c.airframe.is_not_distinct_from(flight.airframe)
+        own = flight.sha256 or ""
         return self._asked(FLIGHT.c.id.in_(other), FLIGHT.c.sha256 != own, same_profile)
 
     def count(self, flight: PastFlight) -> int:
@@ -293,8 +313,8 @@ class StoredFlights:
         before = select(func.count()).where(
             FLIGHT.c.aircraft_id == self._aircraft,
             FLIGHT.c.start_us < us_of(flight.start),
-            FLIGHT.c.sha256 != (flight.assessment.log.sha256 or ""),
-            FLIGHT.c.airframe.is_not_distinct_from(flight.assessment.airframe),
+            FLIGHT.c.sha256 != (flight.sha256 or ""),
+            FLIGHT.c.airframe.is_not_distinct_from(flight.airframe),
             counted.exists(),
         )
         with self._reading() as connection:
@@ -302,30 +322,13 @@ class StoredFlights:
 
     @cached_property
     def _references(self) -> list[PastFlight]:
-        return self._slim(FLIGHT.c.reference)
+        return self._asked(FLIGHT.c.reference, ~FLIGHT.c.due)
 
     @cached_property
     def _all(self) -> list[PastFlight]:
-        return self._slim()
+        return self._asked()
 
-    def _slim(self, *where: Any) -> list[PastFlight]:
-        if self._before is not None:
-            where = (*where, FLIGHT.c.start_us < self._before)
-        return [flight.slim() for flight in self._asked(*where)]
-
-    def _asked(self, *where: Any, records: bool = False) -> list[PastFlight]:
+    def _asked(self, *where: Any, shown: bool = False) -> list[PastFlight]:
         if self._aircraft is None:
             return []
-        with no_collection(), self._reading() as connection:
-            records_by = self._reading if records else None
-            return [*past_flights(connection, self._aircraft, *where, records=records_by)]
-
-
-def _record_of(flight: PastFlight) -> PastFlight:
-    """Return what own-scale equations need of a flight."""
-    verdicts = tuple(
-        _PastVerdict._make((*(getattr(one, name) for name in (*_SLIM[:-1], "suspects")), kept_records(one)))
-        for one in flight.assessment.verdicts
-    )
-    slim = flight.assessment.model_copy(update={"verdicts": verdicts, "usage": ()})
-    return replace(flight, assessment=slim)
+        return past_flights(self._reading, self._aircraft, *where, shown=shown)

@@ -1,31 +1,39 @@
 """Makes the verdicts that are due: a flight that is new, late, repaired or moved, and those after it.
 
-All flights of an aircraft from the first one that is due are compared again with those before, in the order
-of time and within one transaction. So the order of arrival changes no verdict.
+A flight that is due is compared with those before it. So are all flights after it from the first one on that
+changes what they are compared with, in the order of time and within one transaction. So the order of arrival
+changes no verdict.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import nullcontext
 from datetime import datetime
-from typing import Final
+from typing import Any, Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import ColumnElement, Connection, and_, delete, false, func, insert, or_, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    and_,
+    bindparam,
+    delete,
+    false,
+    func,
+    insert,
+    or_,
+    select,
+    update,
+)
 
 from mavhums.core.conditions import URGENCY
 from mavhums.engine.events import StandaloneAssessment
-from mavhums.flights.aircraft import UNKNOWN, AircraftTable, Since
+from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.compare import compared, unpacked
-from mavhums.flights.history import (
-    FlightRecording,
-    PastFlight,
-    kept_records,
-    recordings_of,
-    superseded_recordings,
-)
+from mavhums.flights.history import PastFlight, PastIndicator, PastVerdict
+from mavhums.flights.recordings import FlightRecording, recordings_of, superseded_recordings
 from mavhums.flights.store.database import (
     AIRCRAFT,
     FLIGHT,
@@ -35,19 +43,31 @@ from mavhums.flights.store.database import (
     RECORDING,
     STANDING,
     VERDICT,
+    time_of,
     us_of,
 )
-from mavhums.flights.store.earlier import OWN, QUALITY, StoredFlights
+from mavhums.flights.store.earlier import OF_VERDICT, OWN, QUALITY, StoredFlights
 from mavhums.flights.store.logs import in_parts, installed, now_us, since_of
-from mavhums.flights.trends import trend_report
+from mavhums.flights.trends import standings_over
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
-from mavhums.results.standing import Standing, TrendReport
-from mavhums.results.verdict import Indicator, Verdict
+from mavhums.results.standing import Standing
+from mavhums.results.verdict import Verdict
 
 STANDINGS: Final = TypeAdapter(tuple[Standing, ...])
 _APART_US: Final = round(CLOCKS_APART_S * 1e6)
 _FIRST: Final = -(2**62)
+
+# Those that are executed for each of thousands of flights: to make them takes longer than to execute them.
+_FLIGHT: Final[Any] = bindparam("flight")
+_ALONE: Final = select(JUDGEMENT.c.alone).where(JUDGEMENT.c.flight_id == _FLIGHT)
+_CLEARING: Final = [delete(table).where(table.c.flight_id == _FLIGHT) for table in (VERDICT, RECORDING)]
+_JUDGED: Final = (
+    update(FLIGHT)
+    .where(FLIGHT.c.id == _FLIGHT)
+    .values(airframe=bindparam("profile"), due=False, reference=False)
+)
+_INSERTING: Final = {table.name: insert(table) for table in (VERDICT, INDICATOR, RECORD, RECORDING)}
 
 
 def make_verdicts(connection: Connection, touched: Collection[int] = ()) -> None:
@@ -76,70 +96,75 @@ def _judge(connection: Connection, aircraft: int, name: str) -> None:
     own = FLIGHT.c.aircraft_id == aircraft
     first_us = connection.scalar(select(func.min(FLIGHT.c.start_us)).where(own, FLIGHT.c.due))
     after = _FIRST if first_us is None else first_us
-    dated = FLIGHT.c.start_us.is_not(None)
     # one without a date is compared with no other
     undated = and_(FLIGHT.c.start_us.is_(None), FLIGHT.c.due)
-    again = and_(dated, FLIGHT.c.start_us >= after) if first_us is not None else FLIGHT.c.id.is_(None)
-    flights = (
-        connection.execute(
-            select(FLIGHT.c.id)
-            .where(own, or_(again, undated))
-            .order_by(FLIGHT.c.start_us.nulls_first(), FLIGHT.c.path, FLIGHT.c.id)
-        )
-        .scalars()
-        .all()
+    again = false() if first_us is None else FLIGHT.c.start_us >= after
+    rows = select(FLIGHT.c.id, FLIGHT.c.due, FLIGHT.c.reference).where(own, or_(again, undated))
+    flights = connection.execute(
+        rows.order_by(FLIGHT.c.start_us.nulls_first(), FLIGHT.c.path, FLIGHT.c.id)
+    ).all()
+    earlier = StoredFlights(
+        lambda: nullcontext(connection), aircraft, since_of(connection, aircraft), before_us=after
     )
-    since = since_of(connection, aircraft)
-    earlier = StoredFlights(lambda: nullcontext(connection), aircraft, since, before_us=after)
-    for flight in flights:
+    judged: list[int] = []
+    differs = first_us is not None and _have_records(connection, aircraft, after)
+    if differs:
+        earlier.forget_after(time_of(after))
+    for flight, due, was_reference in flights:
+        if not (due or differs):  # the earlier flights are those with which it was compared
+            continue
         assessment = compared(_alone(connection, flight), earlier.baselines, earlier.past)
         _write(connection, flight, aircraft, assessment)
-        if assessment.log.start_utc is not None:
-            logs = earlier.add(PastFlight.of(assessment))
+        judged.append(flight)
+        if assessment.log.start_utc is None:
+            continue
+        flown = PastFlight.of(assessment)
+        near = earlier.near(flown)
+        logs = earlier.add(flown, near)
+        if logs:
             connection.execute(update(FLIGHT).where(FLIGHT.c.sha256.in_(logs)).values(reference=True))
-    _choose_recordings(connection, flights)
-    _mark_last(connection, aircraft, flights)
-    recent, table = earlier.recent(), installed(connection, aircraft)
-    stands = trend_of(recent, since, table, name).standings if recent else ()
+        records = any(verdict.own for verdict in assessment.verdicts)
+        if not differs and (was_reference or logs or near or records):
+            differs = True
+            earlier.forget_after(flown.start, flown.path or "")
+    _choose_recordings(connection, judged)
+    _mark_last(connection, aircraft, judged)
+    recent = earlier.recent()
+    end = recent[-1].end if recent else time_of(0)
+    swapped, repaired = installed(connection, aircraft).since(name, end), earlier.since(end)
+    stands = standings_over(recent, since=swapped, repaired=repaired, baselines=earlier.baselines)
     found = STANDINGS.dump_json(stands).decode()
     connection.execute(insert(STANDING).values(aircraft_id=aircraft, stored_us=now_us(), standings=found))
 
 
-def trend_of(
-    flown: Sequence[PastFlight],
-    since: Callable[[datetime], Since],
-    table: AircraftTable,
-    aircraft: str,
-    **wanted: Collection[str],
-) -> TrendReport:
-    """Return the trends over an aircraft's flights, at least one; ``wanted`` as of :func:`trend_report`."""
-    end = flown[-1].end
-    return trend_report(flown, **wanted, since=table.since(aircraft, end), repaired=since(end))
+def _have_records(connection: Connection, aircraft: int, after_us: int) -> bool:
+    """Return whether a flight from a time on is compared by records: these number all flights before it."""
+    asked = select(RECORD.c.place).join(VERDICT, OF_VERDICT)
+    own = (VERDICT.c.aircraft_id == aircraft, VERDICT.c.start_us >= after_us)
+    return connection.scalar(asked.where(*own).limit(1)) is not None
 
 
 def _alone(connection: Connection, flight: int) -> StandaloneAssessment:
-    (data,) = connection.scalars(select(JUDGEMENT.c.alone).where(JUDGEMENT.c.flight_id == flight))
+    (data,) = connection.scalars(_ALONE, {"flight": flight})
     return unpacked(data)
 
 
 def _write(connection: Connection, flight: int, aircraft: int, assessment: Assessment) -> None:
     """Replace the verdicts on a flight."""
-    for table in (VERDICT, RECORDING):
-        connection.execute(delete(table).where(table.c.flight_id == flight))
+    for clearing in _CLEARING:
+        connection.execute(clearing, {"flight": flight})
+    connection.execute(_JUDGED, {"flight": flight, "profile": assessment.airframe})
     log = assessment.log
     start_us = None if log.start_utc is None else us_of(datetime.fromisoformat(log.start_utc))
-    done = {"airframe": assessment.airframe, "due": False, "reference": False}
-    connection.execute(update(FLIGHT).where(FLIGHT.c.id == flight).values(**done))
     recorded = {each.flight.vehicle: each.quality for each in recordings_of(assessment)}
     keys = {"flight_id": flight, "aircraft_id": aircraft, "start_us": start_us}
     verdicts, indicators, records = [], [], []
     for place, verdict in enumerate(assessment.verdicts):
-        verdicts.append(keys | {"place": place} | _row_of(verdict))
-        at = {"flight_id": flight, "place": place}
-        shown = {one.fault: one for one in reversed(verdict.indicators)}
-        indicators += [at | _indicator_row(one) for one in shown.values()]
-        if kept := kept_records(verdict):
-            records.append(at | {"own": OWN.dump_json(kept).decode()})
+        past, at = PastVerdict.of(verdict), {"flight_id": flight, "place": place}
+        verdicts.append(keys | at | _row_of(verdict, past))
+        indicators += [at | _indicator_row(one) for one in past.indicators]
+        if past.own:
+            records.append(at | {"own": OWN.dump_json(tuple(past.own)).decode()})
     recordings = []
     for each in log.flight:
         quality, row = recorded.get(each.vehicle), {"flight_id": flight, "vehicle": each.vehicle}
@@ -155,33 +180,26 @@ def _write(connection: Connection, flight: int, aircraft: int, assessment: Asses
         (RECORDING, recordings),
     ):
         if rows:
-            connection.execute(insert(table), rows)
+            connection.execute(_INSERTING[table.name], rows)
 
 
-def _row_of(verdict: Verdict) -> dict[str, object]:
-    suspects, shown = [one.fault for one in verdict.suspects], {one.fault for one in verdict.indicators}
-    return {
-        "vehicle": verdict.vehicle,
-        "subject": verdict.subject,
-        "actuator": verdict.actuator,
-        "condition": verdict.condition,
-        "worst": verdict.worst,
+def _row_of(verdict: Verdict, past: PastVerdict) -> dict[str, object]:
+    shown = {one.fault for one in past.indicators}
+    finding = (*(one.fault for one in verdict.suspects), "friction", "effectiveness")
+    row: dict[str, object] = dict(zip(PastVerdict._fields[:7], past, strict=False))
+    return row | {
         "urgency": float(URGENCY[verdict.gravest]),
-        "friction_nm": verdict.friction_nm.estimate if verdict.friction_nm else None,
         "reason": verdict.reason,
-        "suspect": suspects[0] if suspects else None,
-        "finding": next(
-            (fault for fault in (*suspects, "friction", "effectiveness") if fault in shown), None
-        ),
+        "finding": next((fault for fault in finding if fault in shown), None),
         "counts": True,
         "last": False,
         "verdict": verdict.model_dump_json(exclude={"own"}),
     }
 
 
-def _indicator_row(one: Indicator) -> dict[str, object]:
-    known = {name: getattr(one, name) for name in ("fault", "quantity", "unit", "emergency")}
-    return known | one.value.model_dump() | {"degraded": one.limit}
+def _indicator_row(one: PastIndicator) -> dict[str, object]:
+    row = one._asdict()
+    return row | {"degraded": row.pop("limit")}
 
 
 def _choose_recordings(connection: Connection, flights: Sequence[int]) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -194,10 +195,14 @@ def with_baselines(verdict: Verdict, baselines: Mapping[str, Baseline]) -> Verdi
         if one.fault not in baselines:
             return one
         known = baselines[one.fault]
-        expected = known.prediction().significant(5)
-        return one.model_copy(update={"baseline": expected, "baseline_flights": known.flights})
+        return one.model_copy(update={"baseline": _expected(known), "baseline_flights": known.flights})
 
     return verdict.model_copy(update={"indicators": tuple(map(shown, verdict.indicators))})
+
+
+@lru_cache(maxsize=1024)  # the baselines of an aircraft are the same in thousands of flights
+def _expected(known: Baseline) -> Interval:
+    return known.prediction().significant(5)
 
 
 def of_subject(baselines: Baselines, subject: tuple[int, str]) -> dict[str, Baseline]:
@@ -218,7 +223,7 @@ class PastRecord(NamedTuple):
         Whether it has no findings and can be part of a baseline.
     """
 
-    records: tuple[OwnRecord, ...]
+    records: Sequence[OwnRecord]
     date: str
     healthy: bool
 
