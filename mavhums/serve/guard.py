@@ -1,7 +1,7 @@
-"""Protects the page: origin, host, token and size of a request, and the time a connection may take.
+"""Protects the page: origin, host, token and size of a request, and the time that a header may take.
 
 Starlette's check of hosts takes no IPv6 address and no range; neither Starlette nor uvicorn limits a body, or
-ends a connection that only drips.
+ends a connection that does not complete a header.
 """
 
 from __future__ import annotations
@@ -248,8 +248,8 @@ def _own_names() -> set[str]:
     return {name, f"{name}.local", socket.getfqdn().lower()} - {""}
 
 
-HALF_S: Final = 5.0
-"""Time in which the pace of a connection halves, s: see :class:`_LimitedConnection`."""
+HEADER_S: Final = 30.0
+"""Time in which a connection must have sent a whole header, s."""
 
 MOST: Final = 200
 """Connections at a time; the rest of a process's 1,024 files is for logs and judging processes."""
@@ -257,8 +257,7 @@ MOST: Final = 200
 MOST_OF_ADDRESS: Final = 64
 """Connections of one address: ten open pages of a browser take about 20."""
 
-_FULL: Final = 1 << 16
-_LEAST: Final = 1 << 10
+_HEADER: Final = 1 << 16
 _BUSY: Final = (
     b"HTTP/1.1 503 Service Unavailable\r\ncontent-type: text/plain\r\nconnection: close\r\n\r\n"
     b"too many connections; try again in a moment\n"
@@ -266,22 +265,19 @@ _BUSY: Final = (
 
 
 class _LimitedConnection(HttpToolsProtocol):
-    """A connection of uvicorn's with these limits.
+    """A connection of uvicorn's with a limited header: its size is 64 kB, and its time 30 s.
 
-    Its pace is what the client has sent of a body or taken of an answer, in bytes, halved every 5 s. A
-    connection, each header and each answer begin with 64 kB, from which the bytes of a header count down:
-    a client that moves nothing has 30 s to the least pace of 1 kB, one that moves 150 B/s keeps its place.
-    Where places are short, the connection with the least pace that waits for its client loses its own.
+    Where places are short, the connection that has waited longest for its header loses its own. Whoever has
+    sent a header is refused at once or has the token, and the time of an upload is limited where it is read.
     """
 
-    half_s: ClassVar[float] = HALF_S
+    header_s: ClassVar[float] = HEADER_S
     most: ClassVar[int] = MOST
     most_of_address: ClassVar[int] = MOST_OF_ADDRESS
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
-        self._moved, self._moved_s, self._unsent = float(_FULL), self.loop.time(), 0
-        self._looks: asyncio.TimerHandle | None = self.loop.call_later(self.half_s, self._look)
+        self._wait_for_header()
         others = self.connections - {self}
         own = [each for each in others if _client_of(each) == _client_of(self)]
         if len(own) >= self.most_of_address:
@@ -290,80 +286,49 @@ class _LimitedConnection(HttpToolsProtocol):
             self._make_room(others)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        self._stop_looking()
+        self._ends.cancel()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
         cycle = self.cycle
+        if self._ends.cancelled() and (cycle is None or cycle.response_complete):
+            self._wait_for_header()
         super().data_received(data)
         if self.cycle is not cycle:
-            self._move(_FULL)
-        else:  # the bytes of a header move nothing, and an endless one ends
-            self._move(-len(data) if self._idle else len(data))
-            if self.pace < _LEAST:
+            self._ends.cancel()
+        elif not self._ends.cancelled():
+            self._left -= len(data)
+            if self._left < 0:
                 self.transport.abort()
 
-    def resume_writing(self) -> None:
-        self._move(_FULL)  # so much was taken of the answer
-        super().resume_writing()
-
-    @property
-    def pace(self) -> float:
-        """What the client has moved lately, in bytes."""
-        return float(self._moved * 0.5 ** ((self.loop.time() - self._moved_s) / self.half_s))
-
-    @property
-    def waits(self) -> bool:
-        """Whether it waits for its client: for a header, for a body, or that the answer is taken."""
-        unread = not self._idle and self.cycle.more_body and not self.flow.read_paused
-        return self._idle or unread or self.transport.get_write_buffer_size() > 0
-
-    @property
-    def _idle(self) -> bool:
-        return self.cycle is None or bool(self.cycle.response_complete)
-
-    def _move(self, size: float) -> None:
-        self._moved, self._moved_s = min(self.pace + size, _FULL), self.loop.time()
-
-    def _look(self) -> None:
-        unsent = self.transport.get_write_buffer_size()
-        self._move(max(self._unsent - unsent, 0) if self.waits else _FULL)
-        self._unsent = unsent
-        if self.pace < _LEAST:
-            self.transport.abort()
-            return
-        self._looks = self.loop.call_later(self.half_s, self._look)
+    def _wait_for_header(self) -> None:
+        self._left, self._ends = _HEADER, self.loop.call_later(self.header_s, self.transport.abort)
 
     def _make_room(self, others: Iterable[Any]) -> None:
-        waiting = [each for each in others if isinstance(each, _LimitedConnection) and each.waits]
+        waiting = [each for each in others if not each._ends.cancelled()]
         if waiting:
-            slowest = min(waiting, key=lambda each: each.pace)
-            slowest.transport.abort()
-            self.connections.discard(slowest)  # it is lost only after this turn of the loop
+            longest = min(waiting, key=lambda each: each._ends.when())
+            longest.transport.abort()
+            self.connections.discard(longest)  # it is lost only after this turn of the loop
             return
         self.transport.write(_BUSY)
         self.transport.close()
 
-    def _stop_looking(self) -> None:
-        if self._looks is not None:
-            self._looks.cancel()
-            self._looks = None
 
-
-def held_connections(
-    *, half_s: float = HALF_S, most: int = MOST, most_of_address: int = MOST_OF_ADDRESS
+def limited_connections(
+    *, header_s: float = HEADER_S, most: int = MOST, most_of_address: int = MOST_OF_ADDRESS
 ) -> type[asyncio.Protocol]:
     """Return the class of the connections for uvicorn's option ``http``.
 
     Parameters
     ----------
-    half_s
-        Time in which the pace of a connection halves, s; one that moves nothing ends after six of them.
+    header_s
+        Time for a header, s.
     most, most_of_address
         Connections at a time, of all addresses and of one.
     """
-    limits = {"half_s": half_s, "most": most, "most_of_address": most_of_address}
-    return type("HeldConnection", (_LimitedConnection,), limits)
+    limits = {"header_s": header_s, "most": most, "most_of_address": most_of_address}
+    return type("LimitedConnection", (_LimitedConnection,), limits)
 
 
 def _client_of(connection: Any) -> str:

@@ -47,7 +47,7 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
             raise ImportError("plotly")
     except ImportError as error:
         raise MissingExtraError("the page", "serve") from error
-    from mavhums.serve.guard import MOST, MOST_OF_ADDRESS, held_connections
+    from mavhums.serve.guard import MOST, MOST_OF_ADDRESS, limited_connections
 
     listening = _listening(options.host, options.port)
     port: int = listening.getsockname()[1]
@@ -68,7 +68,7 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
             server_header=False,
             proxy_headers=False,
             # a proxy has one address for all, and limits its clients itself
-            http=held_connections(most_of_address=MOST if options.public else MOST_OF_ADDRESS),
+            http=limited_connections(most_of_address=MOST if options.public else MOST_OF_ADDRESS),
             ws="none",
             timeout_graceful_shutdown=1,
         )
