@@ -21,8 +21,7 @@ from mavhums.core.errors import ExitCode, MavhumsError
 if TYPE_CHECKING:
     from mavhums.app.settings import Options
     from mavhums.fleet.notify import Recipient
-    from mavhums.fleet.scan import ScannedFlight
-    from mavhums.flights.reports import OperatorTasks
+    from mavhums.fleet.watch import ScannedFlight
     from mavhums.results.standing import FleetDigest, StoreStatus
 
 
@@ -67,18 +66,17 @@ def scan(
     Exit codes, the first that applies:
       2 usage    1 a log that cannot be judged    0 all judged
     """
-    from mavhums.fleet import ScanOptions
+    from mavhums.fleet import ScanOptions, status
     from mavhums.fleet import scan as scan_logs
-    from mavhums.flights.reports import odd_in
 
     scanning = ScanOptions(judging=options, workers=workers, scheduler=scheduler)
     done = scan_logs(sources, store, scanning, progress=_Progress())
     if as_json:
-        foreign = [one.model_dump() for one in odd_in(store).foreign_boards]
+        foreign = [one.model_dump() for one in status(store).foreign_boards]
         say_json(done._asdict() | {"foreign_boards": foreign})
     else:
         say(f"{done.judged} logs judged, {done.failed} could not be, {done.known} were known")
-        for line in odd_lines(odd_in(store), store):
+        for line in odd_lines(status(store), store):
             say(line)
     raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
 
@@ -98,7 +96,7 @@ class _Progress:
         say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
 
 
-def odd_lines(found: OperatorTasks | StoreStatus, store: str) -> Iterator[str]:
+def odd_lines(found: StoreStatus, store: str) -> Iterator[str]:
     """Yield what an operator should correct, and what was corrected."""
     for one in found.foreign_boards:
         whose, log = one.elsewhere or "AIRCRAFT", one.logs[0] if len(one.logs) == 1 else "LOG..."
@@ -240,7 +238,7 @@ def watch(
     from mavhums.fleet import ScanOptions
     from mavhums.fleet import digest as digest_of
     from mavhums.fleet.notify import recipients_of
-    from mavhums.fleet.scan import LogWatcher
+    from mavhums.fleet.watch import LogWatcher
     from mavhums.show.standing import digest_blocks
 
     recipients = recipients_of(notify) if notify else []

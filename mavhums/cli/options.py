@@ -52,7 +52,7 @@ AIRCRAFT_TABLE = click.option(
     "--aircraft-table",
     type=PATH,
     metavar="FILE",
-    help="CSV or TOML of the boards and actuators installed in each aircraft, with dates; before --aircraft."
+    help="CSV of the boards and actuators installed in each aircraft, with dates; before --aircraft."
     " The baseline of an actuator begins anew when it is swapped.",
 )
 DIALECT = click.option(

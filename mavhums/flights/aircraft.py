@@ -1,8 +1,7 @@
 """Whose log it is: by the operator's table, by a rule on its path, or by the id of its board.
 
 The table has which board and which actuators are installed in which aircraft, and when: they are swapped, so
-every line has dates. It is a CSV file with a header, or a TOML file with the same entries in tables
-``[[installed]]``::
+every line has dates. It is a CSV file with a header::
 
     aircraft,board,actuator,serial,from,to
     D-EABC,4D415648554D5353494D0001,,,,2026-03-01
@@ -15,7 +14,6 @@ from __future__ import annotations
 import csv
 import os
 import re
-import tomllib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -155,7 +153,7 @@ class AircraftTable:
 
 
 def load_aircraft_table(path: str | os.PathLike[str]) -> AircraftTable:
-    """Read an aircraft table, a CSV file or a TOML file.
+    """Read an aircraft table, a CSV file.
 
     Raises
     ------
@@ -172,9 +170,8 @@ def load_aircraft_table(path: str | os.PathLike[str]) -> AircraftTable:
         raise AircraftTableError(problem, "check the path of the aircraft table") from error
     except UnicodeDecodeError as error:
         raise AircraftTableError(f"{path}: is not UTF-8 text", "save it as UTF-8") from error
-    entries = [*(_of_toml(path, text) if path.suffix.lower() == ".toml" else _of_csv(path, text))]
     installed: list[tuple[str, Installation]] = []
-    for where, entry in entries:
+    for where, entry in _of_csv(path, text):
         try:
             installed.append((where, Installation.model_validate(entry)))
         except ValidationError as error:
@@ -205,21 +202,6 @@ def _of_csv(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
                 yield f"{path}:{rows.line_num}", {name: value for name, value in row.items() if value}
     except csv.Error as error:
         raise AircraftTableError(f"{path}:{rows.line_num}: is not valid CSV: {error}", _EXAMPLE) from error
-
-
-def _of_toml(path: Path, text: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise AircraftTableError(
-            f"{path}: is not valid TOML: {error}", "write tables [[installed]]"
-        ) from error
-    several = content.get("installed")
-    if list(content) != ["installed"] or not isinstance(several, list):
-        raise AircraftTableError(
-            f"{path}: has other entries than [[installed]]", "write tables [[installed]]"
-        )
-    yield from ((f"{path}: installed[{number}]", entry) for number, entry in enumerate(several, 1))
 
 
 def _check_consistent(installed: Sequence[tuple[str, Installation]]) -> None:

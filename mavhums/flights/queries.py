@@ -10,6 +10,7 @@ from sqlalchemy import Connection, and_, select
 
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode, MavhumsError
+from mavhums.core.startup import no_collection
 from mavhums.flights.aircraft import UNKNOWN, AircraftTable
 from mavhums.flights.compare import unpacked
 from mavhums.flights.history import PastFlight
@@ -24,7 +25,7 @@ from mavhums.flights.store.database import (
     VERDICT,
     time_of,
 )
-from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, verdict_of
+from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, flights_within, verdict_of
 from mavhums.flights.store.logs import aircraft_id, in_parts, since_of
 from mavhums.flights.store.verdicts import STANDINGS
 from mavhums.log.base.decoder import Losses
@@ -191,7 +192,9 @@ def flights(store: Place, aircraft: str, *, most: int | None = None) -> list[Ass
     MavhumsError
         If the store does not exist.
     """
-    return [*map(_assessment, earlier_flights(Store(store).opened(), aircraft).latest(most))]
+    with Store(store).opened().reading() as connection, no_collection():
+        whose = aircraft_id(connection, aircraft, creates=False)
+        return [*map(_assessment, flights_within(connection, whose).latest(most))]
 
 
 def _assessment(flight: PastFlight) -> Assessment:
@@ -213,7 +216,7 @@ def earlier_flights(store: Store, aircraft: str | None, given: AircraftTable | N
     """Return an aircraft's flights, none without a name, for comparisons as a given table dates them, too."""
     with store.reading() as connection:
         whose = None if aircraft is None else aircraft_id(connection, aircraft, creates=False)
-        since = since_of(connection, -1 if whose is None else whose)
+        since = since_of(connection, whose)
     table = given or AircraftTable()
     return StoredFlights(store.reading, whose, since, given=partial(table.since, aircraft))
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import Connection, func, select
 
@@ -24,14 +23,13 @@ from mavhums.flights.naming import foreign_boards
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Store
 from mavhums.flights.store.database import AIRCRAFT, FLIGHT, INDICATOR, LOG, RECORDING, VERDICT, us_of
-from mavhums.flights.store.earlier import StoredFlights
-from mavhums.flights.store.logs import FLOWN, aircraft_id, installed, repairs_of, since_of, there_are
+from mavhums.flights.store.earlier import flights_within
+from mavhums.flights.store.logs import FLOWN, aircraft_id, installed, repairs_of, there_are
 from mavhums.flights.trends import trend_report
 from mavhums.results.standing import (
     Change,
     FailedLog,
     FleetDigest,
-    ForeignBoard,
     Growth,
     RepairDate,
     SilentAircraft,
@@ -51,13 +49,6 @@ SILENT_DAYS: Final = 14.0
 _SOON_FLIGHTS: Final = 10.0
 Place = str | os.PathLike[str]
 _ORDER: Final = ("new", "worse", "growing", "step", "eased", "gone")
-
-
-class OperatorTasks(NamedTuple):
-    """What an operator should look into: ``foreign_boards`` and ``removed`` of a store's status."""
-
-    foreign_boards: tuple[ForeignBoard, ...]
-    removed: int
 
 
 def status(store: Place) -> StoreStatus:
@@ -83,7 +74,7 @@ def status(store: Place) -> StoreStatus:
             .distinct()
             .order_by(FLIGHT.c.path)
         )
-        odd = _odd(connection)
+        removed = connection.scalar(select(func.count(LOG.c.path.distinct())).where(LOG.c.removed))
         grows = [
             (name, one) for name, several in standings(connection).items() for one in several if one.growth
         ]
@@ -94,21 +85,10 @@ def status(store: Place) -> StoreStatus:
             unknown=counts.get(UNKNOWN, 0),
             failures=tuple(FailedLog(**row) for row in failures),
             copies=tuple(StoreCopy(**row) for row in connection.execute(copies).mappings()),
-            foreign_boards=odd.foreign_boards,
+            foreign_boards=tuple(foreign_boards(connection)),
             growing=tuple(StoreGrowth(aircraft=name, standing=one) for name, one in grows),
-            removed=odd.removed,
+            removed=removed or 0,
         )
-
-
-def odd_in(store: Place) -> OperatorTasks:
-    """Return what a scan reports besides what it judged; its errors are those of :func:`status`."""
-    with Store(store).opened().reading() as connection:
-        return _odd(connection)
-
-
-def _odd(connection: Connection) -> OperatorTasks:
-    removed = select(func.count(LOG.c.path.distinct())).where(LOG.c.removed)
-    return OperatorTasks(tuple(foreign_boards(connection)), connection.scalar(removed) or 0)
 
 
 def digest(
@@ -247,7 +227,7 @@ def trend_and_flights(
             remedy = "name aircraft with --aircraft"
             raise MavhumsError(f"{kept.place}: an unknown aircraft has no trend", remedy)
         whose = aircraft_id(connection, name, creates=False)
-        known = StoredFlights(lambda: nullcontext(connection), whose, since_of(connection, whose or -1))
+        known = flights_within(connection, whose)
         flown = known.latest(None, shown=True)
         if whose is None or not flown:
             raise MavhumsError(f"{kept.place}: no flight of the aircraft {name!r}", there_are(connection))

@@ -74,8 +74,8 @@ def test_more_batches_than_are_in_flight_are_all_judged(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "_MOST", 1)
-    monkeypatch.setattr(import_module("mavhums.fleet.scan"), "_IN_FLIGHT", 2)
+    monkeypatch.setattr(import_module("mavhums.fleet.judging"), "_MOST", 1)
+    monkeypatch.setattr(import_module("mavhums.fleet.judging"), "_IN_FLIGHT", 2)
     assert fleet.scan([logs], tmp_path / "store", options) == (FLIGHTS, 0, 0)
     assert verdicts_of(tmp_path / "store", "D-A") == expected
 

@@ -205,7 +205,7 @@ class Dies(distributed.WorkerPlugin):  # type: ignore[misc, name-defined]
         self.log, self.times, self.count = name, times, count
 
     def setup(self, worker: object) -> None:
-        judging = import_module("mavhums.fleet.scan")
+        judging = import_module("mavhums.fleet.judging")
         judge = judging.analyse_alone
 
         def deadly(path: str, *given: object) -> object:

@@ -106,7 +106,7 @@ def test_a_repair_that_was_a_mistake_leaves_nothing(
     run: Run, kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = shutil.copy(kept / "scanned", tmp_path / "store")
-    monkeypatch.setattr(sys.modules["mavhums.fleet.scan"], "analyse_alone", None)  # no log is opened
+    monkeypatch.setattr(sys.modules["mavhums.fleet.judging"], "analyse_alone", None)  # no log is opened
     before, repairs = fleet.verdicts(store, "D-A"), ("fleet", "repairs", "--store", store)
     assert run(*repairs).out == "no repairs\n"
     added = run(*repairs, "--add", "D-A/elevator=2026-01-05")

@@ -9,7 +9,7 @@ from mavhums.core.errors import MavhumsError
 pytest.importorskip("distributed", reason="the extra 'fleet' is not installed")
 pytest.importorskip("cryptography", reason="the extra 'fleet' is not installed")
 
-from mavhums.fleet.scan import connected
+from mavhums.fleet.judging import connected
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "127.0.0.1:1", "tls://127.0.0.1:1"])

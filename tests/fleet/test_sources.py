@@ -13,7 +13,7 @@ from mavhums import EngineOptions, fleet
 from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet import sources
-from mavhums.fleet.scan import Judging, judge
+from mavhums.fleet.judging import Judging, judge
 from mavhums.fleet.sources import at_hand, logs_in
 from mavhums.flights.aircraft import AircraftResolver
 from mavhums.flights.store import LogFile

@@ -14,7 +14,7 @@ import pytest
 from mavhums import Options, fleet
 from mavhums.cli.fleet_scan import _DailyTimer
 from mavhums.core.errors import MavhumsError
-from mavhums.fleet.scan import LogWatcher
+from mavhums.fleet.watch import LogWatcher
 from mavhums.flights.store import database
 from tests.conftest import Run
 from tests.fleet_logs import moved, small

@@ -21,25 +21,16 @@ D-EABC,,elevator,EMA-1,,2026-02-10
 D-EABC,,elevator,EMA-2,2026-02-10T12:00:00+02:00,
 D-EABC,,rudder,EMA-3,2026-01-05,2026-04-01
 """
-TOML = """\
-installed = [
-    {aircraft = "D-EABC", board = "0a1b", to = 2026-03-01},
-    {aircraft = "D-EXYZ", board = "0A1B", from = 2026-03-01},
-    {aircraft = "D-EABC", actuator = "elevator", serial = "EMA-1", to = 2026-02-10},
-    {aircraft = "D-EABC", actuator = "elevator", serial = "EMA-2", from = 2026-02-10T12:00:00+02:00},
-    {aircraft = "D-EABC", actuator = "rudder", serial = "EMA-3", from = "2026-01-05", to = "2026-04-01"},
-]
-"""
 
 
 def day(month: int, number: int, hour: int = 0) -> datetime:
     return datetime(2026, month, number, hour, tzinfo=UTC)
 
 
-@pytest.mark.parametrize(("name", "text"), [("t.csv", CSV), ("t.toml", TOML), ("t.csv", f"\ufeff{CSV}")])
-def test_the_table_dates_boards_and_actuators(tmp_path: Path, name: str, text: str) -> None:
-    (tmp_path / name).write_text(text, encoding="utf-8")
-    table = load_aircraft_table(tmp_path / name)
+@pytest.mark.parametrize("text", [CSV, f"\ufeff{CSV}"])
+def test_the_table_dates_boards_and_actuators(tmp_path: Path, text: str) -> None:
+    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
+    table = load_aircraft_table(tmp_path / "t.csv")
     assert table.aircraft_of("0A1B", day(2, 28)) == "D-EABC"
     assert table.aircraft_of("0A1B", day(3, 1)) == "D-EXYZ"
     assert table.aircraft_of("0C", day(3, 1)) is table.aircraft_of(None, day(3, 1)) is None
@@ -81,24 +72,9 @@ def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, text: str, told:
     assert error.value.remedy
 
 
-ENTRY = "[[installed]]\naircraft = 'A'\nboard = '1'"
-WRONG = ("[", "installed = 3", "[[aircraft]]\nname = 'x'", "[[installed]]\nboard = 1")
-
-
-@pytest.mark.parametrize("text", [*WRONG, f"a = 1\n{ENTRY}", f"{ENTRY}\n[b]"])
-def test_wrong_toml_is_refused(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "table.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(AircraftTableError, match=r"table\.toml"):
-        load_aircraft_table(path)
-
-
 @given(data=st.binary(max_size=200) | st.text(alphabet='aircrftbod,\n"1-2026', max_size=200).map(str.encode))
-@pytest.mark.parametrize("suffix", ["csv", "toml"])
-def test_any_file_is_a_table_or_refused(
-    suffix: str, data: bytes, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    path = tmp_path_factory.getbasetemp() / f"any.{suffix}"
+def test_any_file_is_a_table_or_refused(data: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
+    path = tmp_path_factory.getbasetemp() / "any.csv"
     path.write_bytes(data)
     with suppress(AircraftTableError):
         assert load_aircraft_table(path).installed is not None

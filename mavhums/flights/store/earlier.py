@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from datetime import datetime, timedelta
 from functools import cache, cached_property, partial
 from itertools import groupby
@@ -25,7 +25,7 @@ from mavhums.flights.history import (
 )
 from mavhums.flights.recordings import FlightRecording, Quality
 from mavhums.flights.store.database import FLIGHT, INDICATOR, RECORD, RECORDING, VERDICT, time_of, us_of
-from mavhums.flights.store.logs import in_parts
+from mavhums.flights.store.logs import in_parts, since_of
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
@@ -175,6 +175,14 @@ class _References(NamedTuple):
     key: object
     known: dict[tuple[int, str, str], list[Indicator]]
     baselines: Baselines
+
+
+def flights_within(
+    connection: Connection, aircraft: int | None, *, before_us: int | None = None
+) -> StoredFlights:
+    """Return the earlier flights of an aircraft, read by a connection that stays open meanwhile."""
+    since = since_of(connection, aircraft)
+    return StoredFlights(lambda: nullcontext(connection), aircraft, since, before_us=before_us)
 
 
 class StoredFlights:

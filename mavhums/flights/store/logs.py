@@ -270,11 +270,13 @@ def there_are(connection: Connection) -> str:
     return _there({*connection.scalars(FLOWN)}).replace(" none", " none with a name")
 
 
-def since_of(connection: Connection, aircraft: int) -> Callable[[datetime], Since]:
-    """Return what gives the dates from which an aircraft's flights count for one at a time.
+def since_of(connection: Connection, aircraft: int | None) -> Callable[[datetime], Since]:
+    """Return what gives the dates from which an aircraft's flights count for one at a time; None has none.
 
     They are those of the repairs and of the operator's table of installed actuators, whichever is later.
     """
+    if aircraft is None:
+        return lambda _: {}
     repairs, table = repairs_of(connection, aircraft), installed(connection, aircraft)
     name = connection.scalar(select(AIRCRAFT.c.name).where(AIRCRAFT.c.id == aircraft))
 

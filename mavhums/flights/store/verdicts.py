@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Sequence
-from contextlib import nullcontext
 from datetime import datetime
 from typing import Any, Final
 
@@ -46,8 +45,8 @@ from mavhums.flights.store.database import (
     time_of,
     us_of,
 )
-from mavhums.flights.store.earlier import OF_VERDICT, OWN, QUALITY, StoredFlights
-from mavhums.flights.store.logs import in_parts, installed, now_us, since_of
+from mavhums.flights.store.earlier import OF_VERDICT, OWN, QUALITY, flights_within
+from mavhums.flights.store.logs import in_parts, installed, now_us
 from mavhums.flights.trends import standings_over
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
@@ -103,9 +102,7 @@ def _judge(connection: Connection, aircraft: int, name: str) -> None:
     flights = connection.execute(
         rows.order_by(FLIGHT.c.start_us.nulls_first(), FLIGHT.c.path, FLIGHT.c.id)
     ).all()
-    earlier = StoredFlights(
-        lambda: nullcontext(connection), aircraft, since_of(connection, aircraft), before_us=after
-    )
+    earlier = flights_within(connection, aircraft, before_us=after)
     judged: list[int] = []
     differs = first_us is not None and _have_records(connection, aircraft, after)
     if differs:
