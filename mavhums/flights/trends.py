@@ -203,17 +203,19 @@ def _trend(
     flown: list[Flown], pairs: _Shown, baseline: Baseline | None, *, with_points: bool
 ) -> ActuatorTrend:
     newest = pairs[-1][1]
-    pairs = [(each, one) for each, one in pairs if (one.quantity, one.unit) == (newest.quantity, newest.unit)]
+    quantity, unit = newest.quantity, newest.unit
+    pairs = [pair for pair in pairs if pair[1].quantity == quantity and pair[1].unit == unit]
     latest = flown[-1].verdict
     limit, emergency = newest.limit, newest.emergency
     limits_of_axis = latest.whole().limits if newest.fault in LOSSES else None
     if limits_of_axis is not None and baseline is not None:
         limit = limits_of_axis.effectiveness_degraded * baseline.mean
         emergency = limits_of_axis.effectiveness_emergency * baseline.mean
-    used = [(each, one) for each, one in pairs if each.counts]
+    used = [pair for pair in pairs if pair[0].counts]
     sign = -1.0 if newest.fault in LOSSES else 1.0
-    rows = [(each.number, sign * one.estimate, one.error) for each, one in used]
-    numbers, values, errors = np.array(rows, dtype=np.float64).reshape(-1, 3).T
+    numbers = np.array([each.number for each, _ in used], dtype=np.float64)
+    values = sign * np.array([one.estimate for _, one in used], dtype=np.float64)
+    errors = np.array([one.error for _, one in used], dtype=np.float64)
     place = last_step(values, errors)
     step = None if place is None else step_of(used, place)
     course = course_of(numbers, values, errors, begin=place or 0)
@@ -229,8 +231,8 @@ def _trend(
         actuator=latest.actuator,
         airframe=flown[-1].flight.airframe,
         fault=newest.fault,
-        quantity=newest.quantity,
-        unit=newest.unit,
+        quantity=quantity,
+        unit=unit,
         condition=flown[-1].gravest,
         flights=len(flown),
         limit=limit,

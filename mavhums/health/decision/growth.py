@@ -34,6 +34,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.roots import root_between
 from mavhums.core.statistics import CENTRAL_95, t_probability, t_quantile
 from mavhums.health.decision.thresholds import (
     AGREEING,
@@ -382,10 +383,8 @@ def _log_bayes_factors(
 
 def _quantile(reached: Callable[[float], float], share: float, high: float = _MOST_FLIGHTS) -> float:
     """Return where an increasing probability reaches a share; infinite if it does not do so before."""
-    from scipy.optimize import brentq
-
     if reached(0.0) >= share:
         return 0.0
     if reached(high) < share:
         return float("inf")
-    return float(brentq(lambda at: reached(at) - share, 0.0, high, xtol=1e-18 * high))
+    return root_between(lambda at: reached(at) - share, 0.0, high)
