@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from datetime import datetime
 
+import numpy as np
+
 from mavhums.core.conditions import SEVERITY
 from mavhums.core.statistics import t_quantile
 from mavhums.health.actuator.detectors import DETECTORS
@@ -78,12 +80,13 @@ def _departures(
         if shown.fault in baselines and not (by_network and shown.fault == "friction")
     ]
     tail = tail_of_flight(false_alarms, verdict.coverage.windows)
-    for one in sorted(compared, key=lambda one: -abs(one.ratio)):  # the clearest cause comes first
+    two_sided = np.array([one.indicator.fault in _TWO_SIDED for one in compared])
+    ratios = np.array([one.ratio for one in compared])
+    bounds = t_quantile(np.array([one.freedom for one in compared]), 1.0 - tail / (1 + two_sided))
+    certain = np.where(two_sided, np.abs(ratios), ratios) > bounds
+    found = [one for one, is_certain in zip(compared, certain, strict=True) if is_certain]
+    for one in sorted(found, key=lambda one: -abs(one.ratio)):  # the clearest cause comes first
         shown, known = one.indicator, one.baseline
-        two_sided = shown.fault in _TWO_SIDED
-        size = abs(one.ratio) if two_sided else one.ratio
-        if size <= t_quantile(one.freedom, 1.0 - tail / (2 if two_sided else 1)):
-            continue
         rule = (
             f"degraded: {shown.quantity} {in_unit(one.difference, shown.unit, '+')} from its own baseline of "
             f"{in_unit(known.mean, shown.unit)} over {known.flights} flights, "
