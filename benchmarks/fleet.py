@@ -35,7 +35,7 @@ from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.queries import exit_code, flight
 from mavhums.flights.queries import flights as all_flights
 from mavhums.flights.store import Store
-from mavhums.flights.store.database import METADATA
+from mavhums.flights.store.tables import METADATA
 from mavhums.serve.views import aircraft_table
 from mavhums_sim import Flight, fly, write_tlog
 from tests.fleet.stores import add, row_of

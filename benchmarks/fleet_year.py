@@ -33,8 +33,8 @@ from mavhums.flights.compare import packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.reports import digest
 from mavhums.flights.store import Row, Store
-from mavhums.flights.store.database import FLIGHT, STANDING, us_of
 from mavhums.flights.store.logs import add_logs, aircraft_id
+from mavhums.flights.store.tables import FLIGHT, STANDING, us_of
 from mavhums.flights.store.verdicts import STANDINGS
 from mavhums.flights.trends import trend_report
 from mavhums.log.base.decoder import Losses

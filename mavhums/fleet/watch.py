@@ -15,8 +15,8 @@ from mavhums.fleet.scan import ScanOptions, scan_files
 from mavhums.fleet.sources import logs_in
 from mavhums.flights.queries import standings
 from mavhums.flights.store import LogFile, Store
-from mavhums.flights.store.database import AIRCRAFT, FLIGHT, LOG, VERDICT
 from mavhums.flights.store.logs import known_files, removed_files
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, LOG, VERDICT
 from mavhums.results.standing import Standing
 
 

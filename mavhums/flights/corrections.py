@@ -21,7 +21,6 @@ from sqlalchemy import Connection, delete, func, insert, or_, select, update
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.store import Store
-from mavhums.flights.store.database import AIRCRAFT, ALIAS, BOARD, FLIGHT, JOURNAL, LOG, REPAIR, time_of
 from mavhums.flights.store.logs import (
     FLOWN,
     Repair,
@@ -36,6 +35,7 @@ from mavhums.flights.store.logs import (
     repairs_of,
     there_are,
 )
+from mavhums.flights.store.tables import AIRCRAFT, ALIAS, BOARD, FLIGHT, JOURNAL, LOG, REPAIR, time_of
 from mavhums.flights.store.verdicts import make_verdicts
 
 Place = str | os.PathLike[str]

@@ -33,13 +33,14 @@ from mavhums.flights.naming import (
 )
 from mavhums.flights.queries import earlier_flights, standings, stored_verdicts
 from mavhums.flights.store import LogFile, Row, Store
-from mavhums.flights.store.database import AIRCRAFT, FLIGHT, FORMAT, us_of
+from mavhums.flights.store.database import FORMAT
 from mavhums.flights.store.logs import (
     FLOWN,
     add_logs,
     known_files,
     removed_files,
 )
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, us_of
 from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.flights.trends import standings_after
 from mavhums.results.assessment import Assessment

@@ -23,7 +23,6 @@ from mavhums.flights.aircraft import (
     board_of,
 )
 from mavhums.flights.store import LogFile, Row
-from mavhums.flights.store.database import AIRCRAFT, FLIGHT, LOG, SETTING, time_of
 from mavhums.flights.store.logs import (
     FLOWN,
     aircraft_id,
@@ -33,6 +32,7 @@ from mavhums.flights.store.logs import (
     install,
     installed,
 )
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, LOG, SETTING, time_of
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import ForeignBoard
 

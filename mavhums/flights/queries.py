@@ -6,7 +6,7 @@ import os
 from functools import partial
 from typing import Any
 
-from sqlalchemy import Connection, and_, select
+from sqlalchemy import Connection, select
 
 from mavhums.core.conditions import Condition
 from mavhums.core.errors import ExitCode, MavhumsError
@@ -15,18 +15,9 @@ from mavhums.flights.aircraft import UNKNOWN, AircraftTable
 from mavhums.flights.compare import unpacked
 from mavhums.flights.history import PastFlight
 from mavhums.flights.store import Store
-from mavhums.flights.store.database import (
-    AIRCRAFT,
-    FLIGHT,
-    JUDGEMENT,
-    LOG,
-    RECORD,
-    STANDING,
-    VERDICT,
-    time_of,
-)
 from mavhums.flights.store.earlier import OF_VERDICT, StoredFlights, flights_within, verdict_of
 from mavhums.flights.store.logs import aircraft_id, in_parts, since_of
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, JUDGEMENT, LOG, RECORD, STANDING, VERDICT, time_of
 from mavhums.flights.store.verdicts import STANDINGS
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment, LogSummary
@@ -162,17 +153,27 @@ def exit_code(store: Place) -> ExitCode:
 
 def verdicts(store: Place, aircraft: str) -> list[tuple[str, Verdict]]:
     """Return an aircraft's verdicts with its past, each with its log, in time order."""
+    with Store(store).opened().reading() as connection:
+        whose = aircraft_id(connection, aircraft, creates=False)
+        return _verdicts(connection, VERDICT.c.aircraft_id == whose, VERDICT.c.counts)
+
+
+def stored_verdicts(connection: Connection, sha256: str) -> tuple[Verdict, ...]:
+    """Return the verdicts on a log, compared with its aircraft's past."""
+    return tuple(verdict for _, verdict in _verdicts(connection, FLIGHT.c.sha256 == sha256))
+
+
+def _verdicts(connection: Connection, *where: Any) -> list[tuple[str, Verdict]]:
+    """Return whole verdicts in time order, each with the path of its log."""
     asked = (
         select(FLIGHT.c.path, VERDICT.c.verdict, RECORD.c.own)
         .select_from(VERDICT)
         .join(FLIGHT, FLIGHT.c.id == VERDICT.c.flight_id)
         .outerjoin(RECORD, OF_VERDICT)
+        .where(*where)
         .order_by(FLIGHT.c.start_us.nulls_last(), FLIGHT.c.path, FLIGHT.c.id, VERDICT.c.place)
     )
-    with Store(store).opened().reading() as connection:
-        whose = aircraft_id(connection, aircraft, creates=False)
-        own = and_(VERDICT.c.aircraft_id == whose, VERDICT.c.counts)
-        return [(path, verdict_of(text, own)) for path, text, own in connection.execute(asked.where(own))]
+    return [(path, verdict_of(text, own)) for path, text, own in connection.execute(asked)]
 
 
 def flights(store: Place, aircraft: str, *, most: int | None = None) -> list[Assessment]:
@@ -242,15 +243,3 @@ def flight(store: Place, aircraft: str, sha256: str) -> Assessment:
         alone = unpacked(row.alone).assessment
         found = stored_verdicts(connection, sha256)
     return alone.model_copy(update={"verdicts": found}) if found else alone
-
-
-def stored_verdicts(connection: Connection, sha256: str) -> tuple[Verdict, ...]:
-    """Return the verdicts on a log, compared with its aircraft's past."""
-    rows = (
-        select(VERDICT.c.verdict, RECORD.c.own)
-        .join(FLIGHT, FLIGHT.c.id == VERDICT.c.flight_id)
-        .outerjoin(RECORD, OF_VERDICT)
-        .where(FLIGHT.c.sha256 == sha256)
-        .order_by(VERDICT.c.place)
-    )
-    return tuple(verdict_of(*row) for row in connection.execute(rows))

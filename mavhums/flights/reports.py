@@ -22,9 +22,9 @@ from mavhums.flights.history import PastFlight
 from mavhums.flights.naming import foreign_boards
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Store
-from mavhums.flights.store.database import AIRCRAFT, FLIGHT, INDICATOR, LOG, RECORDING, VERDICT, us_of
 from mavhums.flights.store.earlier import flights_within
 from mavhums.flights.store.logs import FLOWN, aircraft_id, installed, repairs_of, there_are
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT, INDICATOR, LOG, RECORDING, VERDICT, us_of
 from mavhums.flights.trends import trend_report
 from mavhums.results.standing import (
     Change,

@@ -274,7 +274,7 @@ def _lies_there(store: Path, copy: Path) -> bool:
     from sqlalchemy import select
 
     from mavhums.flights.store import Store
-    from mavhums.flights.store.database import LOG
+    from mavhums.flights.store.tables import LOG
 
     with Store(store).reading() as connection:
         return connection.scalar(select(LOG.c.id).where(LOG.c.path == str(copy))) is not None

@@ -19,8 +19,8 @@ from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.compare import packed
 from mavhums.flights.history import PastFlight
 from mavhums.flights.store import Row, Store
-from mavhums.flights.store.database import METADATA, us_of
 from mavhums.flights.store.logs import add_logs
+from mavhums.flights.store.tables import METADATA, us_of
 from mavhums.flights.store.verdicts import make_verdicts
 from mavhums.results.assessment import Assessment
 from tests.fleet_logs import moved

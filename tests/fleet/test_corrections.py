@@ -25,8 +25,8 @@ from mavhums.flights.aircraft import BOARD, AircraftResolver, AircraftTable, Ins
 from mavhums.flights.naming import foreign_board_among, foreign_boards, remember
 from mavhums.flights.queries import standings
 from mavhums.flights.store import Row, Store
-from mavhums.flights.store.database import AIRCRAFT, FLIGHT
 from mavhums.flights.store.logs import aircraft_id, installed
+from mavhums.flights.store.tables import AIRCRAFT, FLIGHT
 
 
 def judged(name: str, days: range, level: float, slope: float = 0.0) -> list[Row]:

@@ -24,8 +24,8 @@ from mavhums.flights.history import (
     references,
 )
 from mavhums.flights.recordings import FlightRecording, Quality
-from mavhums.flights.store.database import FLIGHT, INDICATOR, RECORD, RECORDING, VERDICT, time_of, us_of
 from mavhums.flights.store.logs import in_parts, since_of
+from mavhums.flights.store.tables import FLIGHT, INDICATOR, RECORD, RECORDING, VERDICT, time_of, us_of
 from mavhums.health.decision.baseline import Baselines, PastRecord
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity

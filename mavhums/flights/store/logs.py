@@ -12,19 +12,17 @@ from sqlalchemy import Connection, and_, delete, insert, or_, select, update
 
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import UNKNOWN, AircraftTable, Installation, Since, latest
-from mavhums.flights.store.database import (
+from mavhums.flights.store.database import FORMAT, LogFile, Row
+from mavhums.flights.store.tables import (
     AIRCRAFT,
     ALIAS,
     BOARD,
     FLIGHT,
-    FORMAT,
     JUDGEMENT,
     LOG,
     RECORDING,
     REPAIR,
     VERDICT,
-    LogFile,
-    Row,
     time_of,
     us_of,
 )

@@ -33,7 +33,9 @@ from mavhums.flights.aircraft import UNKNOWN
 from mavhums.flights.compare import compared, unpacked
 from mavhums.flights.history import PastFlight, PastIndicator, PastVerdict
 from mavhums.flights.recordings import FlightRecording, recordings_of, superseded_recordings
-from mavhums.flights.store.database import (
+from mavhums.flights.store.earlier import OF_VERDICT, OWN, QUALITY, flights_within
+from mavhums.flights.store.logs import in_parts, installed, now_us
+from mavhums.flights.store.tables import (
     AIRCRAFT,
     FLIGHT,
     INDICATOR,
@@ -45,8 +47,6 @@ from mavhums.flights.store.database import (
     time_of,
     us_of,
 )
-from mavhums.flights.store.earlier import OF_VERDICT, OWN, QUALITY, flights_within
-from mavhums.flights.store.logs import in_parts, installed, now_us
 from mavhums.flights.trends import standings_over
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
