@@ -16,9 +16,7 @@ if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
 def main() -> None:
     """Run the command line."""
     from mavhums.cli.main import main as run
-    from mavhums.cli.output import end_in_time
 
-    end_in_time()
     run()
 
 

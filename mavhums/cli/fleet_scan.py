@@ -245,7 +245,7 @@ def watch(
     scanning = ScanOptions(judging=options, workers=workers)
     watching = LogWatcher(sources, store, scanning, settle_s=settle_s)
     morning = _DailyTimer(digest_at) if digest_at else None
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
     try:
         complained = ""
         while output_error() is None:

@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self, cast
 import click
 
 from mavhums.cli.options import KEEP, PATH, STORE, judging
-from mavhums.cli.output import complain, first_ends_in_order, say
+from mavhums.cli.output import complain, say
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode, MavhumsError
 
@@ -195,7 +195,6 @@ def _follow(
         gc.collect()
         gc.freeze()  # objects from the start-up cost the collector 0.1 s in flight, and a second at the end
         stop.begun = True
-        first_ends_in_order(begun=True)
 
         def ended() -> bool:  # what only the standard output shows ends with its reader
             return stop() or (alone and out.outlet.gone)
@@ -311,11 +310,11 @@ class StopSignal:
         return self
 
     def __exit__(self, *_: object) -> None:
-        first_ends_in_order(begun=False)
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self._stopped or not self.begun:
-            signal.default_int_handler(number, frame)
+            before = self._before[number]
+            (before if callable(before) else signal.default_int_handler)(number, frame)
         self._stopped = True

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import time
 from collections.abc import Mapping
 from importlib import import_module
 from types import FrameType
@@ -13,7 +12,7 @@ from typing import Final, Never
 
 import click
 
-from mavhums.cli.output import complain, say, signal_received, sound_output
+from mavhums.cli.output import complain, say, sound_output
 from mavhums.core.about import __version__
 from mavhums.core.errors import ExitCode, MavhumsError
 from mavhums.core.startup import collect_seldom
@@ -101,18 +100,18 @@ def main() -> None:
             complain(MavhumsError(f"{error.object}: is not UTF-8", remedy))
             sys.exit(ExitCode.ERROR)
         except Exception:
-            # Some libraries turn an interruption of their import into an error of their own.
-            time.sleep(_NOTED_S)
-            if (number := signal_received()) is None:
+            if not _received:
                 raise
-            sys.exit(_BY_SIGNAL + number)
+            # Some libraries turn an interruption of their import into an error of their own.
+            sys.exit(_BY_SIGNAL + _received[-1])
         finally:
             # What it had to do is done, and the interpreter exits: Ctrl-C ends the program silently.
             signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-_BY_SIGNAL = 128
-_NOTED_S = 0.05  # in which the thread that waits for signals has run
+_BY_SIGNAL: Final = 128
+_PATIENCE_S: Final = 4
+_received: list[int] = []
 
 
 def _end_on_signals() -> None:
@@ -121,14 +120,18 @@ def _end_on_signals() -> None:
     A signal that the caller ignores, as ``nohup`` does, stays ignored. A command with its own handlers, such
     as ``live``, replaces these.
     """
-    for name in ("SIGTERM", "SIGHUP"):
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, _end)
-    if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _end(number: int, _: FrameType | None) -> Never:
+    """End the program, some seconds later whatever its end waits for: a pipe, a reader, a network."""
+    _received.append(number)
+    if hasattr(signal, "alarm"):
+        signal.alarm(_PATIENCE_S)
+    if number == signal.SIGINT:
+        raise KeyboardInterrupt
     signal.signal(number, signal.SIG_IGN)
     sys.exit(_BY_SIGNAL + number)
