@@ -84,7 +84,7 @@ class Flight:
         self.fastest = 0.0
         self._rows_of: Counter[str] = Counter()
         self._used: defaultdict[str, Counter[int]] = defaultdict(Counter)
-        self._spacings = {name: np.zeros(_SPACINGS, dtype=np.int64) for name in ("outputs", "rates")}
+        self._spacings = {name: np.zeros(_SPACINGS, dtype=np.int64) for name in ("outputs", "rates", "force")}
         self.kinds: set[int] = set()
         self.autopilots: set[int] = set()
         self.parameters: Collection[str] = ()
@@ -111,7 +111,7 @@ class Flight:
         return {rank: seconds for rank, seconds in self._used[signal].most_common() if rank >= 0}
 
     def rate_hz(self, stream: str) -> float | None:
-        """Return how often a second the ``outputs`` or the ``rates`` came in flight; None if not known."""
+        """Return how often a second ``outputs``, ``rates`` or ``force`` came in flight; None if not known."""
         counts = self._spacings[stream].cumsum()
         if not counts[-1]:
             return None
@@ -190,6 +190,7 @@ class Flight:
             roll_demand=demand[:, 0],
             pitch_demand=demand[:, 1],
             demand_spacing=flat["demand_spacing"][:, 0],
+            force_spacing=flat["force_spacing"][:, 0],
             speed=speed,
             flying=flying,
             up=up,
@@ -261,11 +262,12 @@ class Flight:
         return run >= _AIRBORNE_S * RATE_HZ
 
     def _spaced(self, flat: dict[str, Array], aloft: Flags) -> Array:
-        """Return the longer spacing, of the outputs or of the rates, (n,); count both in flight."""
+        """Return the longer spacing, of the outputs or of the rates, (n,); count all in flight."""
         rates = flat["rates_spacing"][:, 0]
         first, second = flat["outputs_spacing"][:, 0], flat["outputs_2_spacing"][:, 0]
         outputs = np.where(np.isfinite(first), first, second)
-        for name, spacing in (("outputs", outputs), ("rates", rates)):
+        force = flat["force_spacing"][:, 0]
+        for name, spacing in (("outputs", outputs), ("rates", rates), ("force", force)):
             known = spacing[aloft & np.isfinite(spacing)]
             steps = np.clip(known / _SPACING_S, 0, _SPACINGS - 1).astype(np.int64)
             self._spacings[name] += np.bincount(steps, minlength=_SPACINGS)

@@ -46,9 +46,9 @@ class Rows:
         Whether it is not from a wind triangle that no turn has settled yet.
     sources
         What the rates and the speed were measured with: rows with another number are not comparable.
-    spacing, demand_spacing
+    spacing, demand_spacing, force_spacing
         Spacing of the samples around each row, s: the longer one of the outputs and the rates; that of the
-        demanded angles.
+        demanded angles; that of the specific force.
     outputs
         Demand about roll, pitch and yaw from the servo outputs, ±1 at full travel, shape (n, 3).
     """
@@ -65,6 +65,7 @@ class Rows:
     roll_demand: Array
     pitch_demand: Array
     demand_spacing: Array
+    force_spacing: Array
     speed: Array
     flying: Flags
     up: Flags

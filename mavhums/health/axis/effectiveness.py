@@ -127,7 +127,7 @@ class EffectivenessTracker:
 
     @property
     def too_slow(self) -> bool:
-        """Whether the outputs or the rates are sampled too slowly to determine a gain."""
+        """Whether the outputs or the response are sampled too slowly to determine a gain."""
         return self.spacing_s > SLOW_STREAM_S
 
     def feed(self, rows: Rows) -> list[Second]:
@@ -177,13 +177,14 @@ class EffectivenessTracker:
     def _refer(self, rows: Rows) -> None:
         """Use the buffered rows as the reference if they meet the requirements."""
         basis = Basis.of(rows)
-        spacing = rows.spacing[rows.flying & np.isfinite(rows.spacing)]
+        spacing = self._form.spacing(rows)
+        spacing = spacing[rows.flying & np.isfinite(spacing)]
         self.spacing_s = float(np.median(spacing)) if spacing.size else 0.0
         # Slower samples alias the manoeuvres: their gain would be that of the sampling.
         if self.too_slow:
             return
         # A cheap look before a fit of every shape.
-        if judgeable(rows, basis, self._form.least_speed_share).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
+        if judgeable(rows, basis, self._form).sum() < REFERENCE_S * LEAST_ROWS_PER_S:
             return
         fits = [fit for shape in shapes(self._form.axis) for fit in self._fit(rows, basis, shape)]
         fit = max(fits, key=lambda fit: fit.explained, default=None)

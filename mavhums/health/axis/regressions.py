@@ -157,6 +157,10 @@ class Form:
         """Return the part of a mean response, without the nuisances', that the gain's does not explain."""
         return answered - driven
 
+    def spacing(self, rows: Rows) -> Array:
+        """Return the longest spacing of the demand's and the response's samples, s, shape (n,)."""
+        return rows.spacing
+
     def possible(self, others: Array) -> bool:
         """Return whether an aircraft can have these coefficients of the others."""
         return True
@@ -195,18 +199,18 @@ class Basis(NamedTuple):
         return cls(float(np.median(rows.speed[rows.flying & (rows.sources == usual)])), usual)
 
 
-def judgeable(rows: Rows, basis: Basis, least_share: float = LEAST_SPEED_SHARE) -> Flags:
+def judgeable(rows: Rows, basis: Basis, form: Form, least_share: float = LEAST_SPEED_SHARE) -> Flags:
     """Return the mask of forward flight at a known, sufficient speed, neither inverted nor diving.
 
     ``least_share`` is the sufficient share of the reference's speed. Rates and speeds from other sources than
     the reference's are no measure of what is left of it.
     """
     # Near the stall ailerons lose most of their effect without a fault.
-    slow = rows.speed < least_share * basis.speed
-    # The regressions are linear in the angles.
-    tilted = (np.abs(rows.roll) > _ROLL_RAD) | (np.abs(rows.pitch) > _PITCH_RAD)
-    gap = rows.spacing > 2.0 * SLOW_STREAM_S  # one lost sample passes
-    good: Flags = rows.flying & rows.trusted & ~gap & ~slow & ~tilted & np.isfinite(rows.speed)
+    slow = rows.speed < min(least_share, form.least_speed_share) * basis.speed
+    # The regressions are linear in the angles, and an attitude that is not known may be any.
+    level = (np.abs(rows.roll) <= _ROLL_RAD) & (np.abs(rows.pitch) <= _PITCH_RAD)
+    gap = form.spacing(rows) > 2.0 * SLOW_STREAM_S  # one lost sample passes
+    good: Flags = rows.flying & rows.trusted & ~gap & ~slow & level & np.isfinite(rows.speed)
     good &= rows.sources == basis.sources
     return good
 
@@ -274,7 +278,7 @@ class Chain:
             # The difference of two means is half a row later than either: so are the other columns taken.
             answer = (now[:, -1] - before[:, -1]) * RATE_HZ
             now = (now + before) / 2
-        usable = judgeable(rows, self._basis, min(self._least_share, form.least_speed_share))
+        usable = judgeable(rows, self._basis, form, self._least_share)
         if form.trimmed:
             usable &= rows.settled & (relative * self._least_share <= 1.0)
         good = usable & np.isfinite(now[:, :-1]).all(axis=1) & np.isfinite(answer)
@@ -370,6 +374,10 @@ class YawForm(Form):
     def answer(self, rows: Rows) -> Array:
         """Return the side force."""
         return rows.side_force
+
+    def spacing(self, rows: Rows) -> Array:
+        """Return the longest spacing, that of the force included."""
+        return np.fmax(rows.spacing, rows.force_spacing)
 
 
 FORMS: Final[Mapping[str, Form]] = {

@@ -292,6 +292,8 @@ def _unmeasured(findings: AxisFindings, flight: Flight, received: Mapping[str, R
 def _slow(findings: AxisFindings, flight: Flight) -> list[str]:
     """Return which streams come too rarely for an axis, and how often a second."""
     rates = {"the servo outputs": flight.rate_hz("outputs"), "the rates": flight.rate_hz("rates")}
+    if findings.axis == "yaw":
+        rates["the accelerations"] = flight.rate_hz("force")
     slow = [
         f"{stream} come {hz:.1f}"
         for stream, hz in rates.items()

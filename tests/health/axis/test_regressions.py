@@ -81,6 +81,8 @@ def test_a_reference_rests_on_the_usual_source_in_flight() -> None:
         ("roll", -np.radians(MOST_BANK_DEG), -np.radians(MOST_BANK_DEG + 0.1)),
         ("pitch", np.radians(MOST_PITCH_DEG), np.radians(MOST_PITCH_DEG + 0.1)),
         ("pitch", -np.radians(MOST_PITCH_DEG), -np.radians(MOST_PITCH_DEG + 0.1)),
+        ("roll", 0.0, np.nan),
+        ("pitch", 0.0, np.nan),
         ("spacing", 0.84, 0.841),
         ("sources", 0.0, 1.0),
         ("flying", True, False),
@@ -90,7 +92,7 @@ def test_a_reference_rests_on_the_usual_source_in_flight() -> None:
 def test_rows_within_the_limits_are_judged(name: str, last: float, beyond: float) -> None:
     flown = rows(steady(1))
     getattr(flown, name)[3:5] = last, beyond
-    assert np.flatnonzero(~judgeable(flown, Basis(SPEED, 0.0))).tolist() == [4]
+    assert np.flatnonzero(~judgeable(flown, Basis(SPEED, 0.0), FORMS["roll"])).tolist() == [4]
 
 
 def random(seconds: int = 20) -> dict[str, Array]:
