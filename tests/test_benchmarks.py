@@ -147,6 +147,7 @@ RUNS: dict[str, list[Small]] = {
     "threshold_mutants": [
         Small("--only HORIZON_FLIGHTS", {"TESTS": ("tests/health/decision/test_growth.py",)})
     ],
+    "thinned": [Small("LOG --only PARM|RCOU")],
     "tiers": [Small("", {"RATES_HZ": (25.0,), "PAPER_FRICTION_NM": (0.225,)})],
     "train": [Small("--quick --part fifty --solver lbfgs --inputs 4")],
     "trend": [Small("--quick", {"TAILS": {"normal": normal}})],

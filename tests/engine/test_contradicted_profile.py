@@ -16,7 +16,7 @@ import mavhums
 from mavhums.actuator.profile import Actuator, Airframe, load_airframe
 from mavhums.core.errors import ExitCode
 from mavhums.engine.events import Event, Notice
-from mavhums.engine.moving_outputs import contradiction, refutation
+from mavhums.engine.moving_outputs import contradiction, inferred, refutation
 from mavhums.health.decision.events import ConditionChanged
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import AxisLimits
@@ -231,6 +231,16 @@ def trial(demand: dict[int, np.ndarray], rate: np.ndarray, *servos: int) -> str 
         sent[:, servo - 1] = 1500 + 400 * share
     named = [SurfaceOutput(n, "aileron", 1500.0, 400.0) for n in servos]
     return contradiction(rows(flight), sent, "roll", named)
+
+
+def test_without_a_roll_rate_no_output_is_inferred() -> None:
+    """A log may have outputs and neither attitude nor rates; here a warning of numpy is an error."""
+    flight, sent = steady(90), np.full((90 * 20, ALL_OUTPUTS), np.nan)
+    demand = excited(90)
+    sent[:, 0] = 1500 + 400 * demand
+    for rate, servos in ((2.2 * demand, [1]), (np.full(demand.size, np.nan), [])):
+        found = inferred(rows({**flight, "roll_rate": rate}), sent)
+        assert [one.servo for one in (found.moved if found else ())] == servos
 
 
 @pytest.mark.slow

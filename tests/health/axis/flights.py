@@ -29,7 +29,7 @@ def steady(seconds: int) -> dict[str, Array]:
     n = seconds * RATE_HZ
     still = {name: np.zeros(n) for name in (*STILL, "side_force", "sources")}
     level = {"load": np.full(n, -1.0), "speed": np.full(n, SPEED), "spacing": np.full(n, 0.1)}
-    level["demand_spacing"] = level["force_spacing"] = level["spacing"]
+    level |= {name: np.full(n, 0.1) for name in ("demand_spacing", "force_spacing")}
     return still | level | {"outputs": np.zeros((n, 3))}
 
 

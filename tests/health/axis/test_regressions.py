@@ -95,6 +95,13 @@ def test_rows_within_the_limits_are_judged(name: str, last: float, beyond: float
     assert np.flatnonzero(~judgeable(flown, Basis(SPEED, 0.0), FORMS["roll"])).tolist() == [4]
 
 
+@pytest.mark.parametrize(("axis", "judged"), [("roll", True), ("pitch", True), ("yaw", False)])
+def test_a_side_force_that_is_rarer_than_outputs_must_be_counts_in_yaw(axis: str, judged: bool) -> None:
+    flown = rows(steady(1))
+    flown.force_spacing[:] = 0.9
+    assert judgeable(flown, Basis(SPEED, 0.0), FORMS[axis]).all() == judged
+
+
 def random(seconds: int = 20) -> dict[str, Array]:
     """Return a flight all of whose signals are excited, without a response yet."""
     made = steady(seconds)
