@@ -198,6 +198,7 @@ class Flight:
             trusted=trusted,
             settled=settled,
             sources=source + SPEEDS * np.repeat(seconds.ranks["rates"], RATE_HZ),
+            force_source=np.repeat(seconds.ranks["force"], RATE_HZ).astype(np.float64),
             spacing=self._spaced(flat, aloft),
             outputs=self._demand(pulses, flying),
         )

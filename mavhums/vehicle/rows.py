@@ -46,6 +46,8 @@ class Rows:
         Whether it is not from a wind triangle that no turn has settled yet.
     sources
         What the rates and the speed were measured with: rows with another number are not comparable.
+    force_source
+        What the specific force was measured with.
     spacing, demand_spacing, force_spacing
         Spacing of the samples around each row, s: the longer one of the outputs and the rates; that of the
         demanded angles; that of the specific force.
@@ -73,6 +75,7 @@ class Rows:
     trusted: Flags
     settled: Flags
     sources: Array
+    force_source: Array
     spacing: Array
     outputs: Array
 

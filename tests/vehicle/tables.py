@@ -37,5 +37,5 @@ def seconds_of(count: int, first: int = 0, **told: Any) -> Seconds:
         for name, width in {**CONTINUOUS, **STEPPED}.items()
     }
     signals |= {f"{name}_spacing": np.full((count, RATE_HZ, 1), 0.1) for name in CONTINUOUS}
-    ranks = {name: np.zeros(count, dtype=np.int64) for name in ("altitude", "rates")}
+    ranks = {name: np.zeros(count, dtype=np.int64) for name in ("altitude", "rates", "force")}
     return Seconds(np.arange(first, first + count), signals, ranks)

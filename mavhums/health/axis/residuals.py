@@ -284,14 +284,23 @@ class PitchTracking:
 
 
 class SideForce:
-    """The side force without its part in turns, as caused by a deflected rudder or a skid."""
+    """The side force without its part in turns, as caused by a deflected rudder or a skid.
+
+    It is that of one accelerometer: the offset of another one looks like a skid.
+    """
 
     kind: Literal["mean", "rms"] = "mean"
     floor = SIDE_FORCE_FLOOR_M_S2
     spreads: tuple[float, ...] = (_FREE, _FREE, _FREE)
 
+    def __init__(self) -> None:
+        self._source = np.nan
+
     def feed(self, rows: Rows) -> tuple[Array, Array, Flags]:
         """Return the regressors 1, sin φ and yaw rate, the side force, and the mask of usable flight rows."""
         columns = np.column_stack([np.ones(len(rows)), np.sin(rows.roll), rows.yaw_rate])
         good = rows.flying & np.isfinite(columns).all(axis=1) & np.isfinite(rows.side_force)
+        if np.isnan(self._source) and good.any():
+            self._source = float(rows.force_source[np.argmax(good)])
+        good &= rows.force_source == self._source
         return np.nan_to_num(columns), np.nan_to_num(rows.side_force), good

@@ -27,7 +27,7 @@ def changes_of(monitor: AxisMonitor, flight: Rows) -> list[ConditionChanged]:
 def steady(seconds: int) -> dict[str, Array]:
     """Level flight without wind: what the tests change."""
     n = seconds * RATE_HZ
-    still = {name: np.zeros(n) for name in (*STILL, "side_force", "sources")}
+    still = {name: np.zeros(n) for name in (*STILL, "side_force", "sources", "force_source")}
     level = {"load": np.full(n, -1.0), "speed": np.full(n, SPEED), "spacing": np.full(n, 0.1)}
     level |= {name: np.full(n, 0.1) for name in ("demand_spacing", "force_spacing")}
     return still | level | {"outputs": np.zeros((n, 3))}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.arrays import Array, Flags
-from mavhums.health.axis.residuals import PitchTracking, Residual, RollTracking
+from mavhums.health.axis.residuals import PitchTracking, Residual, RollTracking, SideForce
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
@@ -171,3 +171,12 @@ def test_a_stall_explains_a_low_nose_no_longer_than_a_recovery_takes(cut: int) -
     answer, good = (np.concatenate([part[n] for part in parts]) for n in (1, 2))
     np.testing.assert_allclose(answer[good], np.array(expected)[good], atol=1e-9)
     assert good.all()
+
+
+def test_the_offset_of_another_accelerometer_is_no_skid() -> None:
+    flight = steady(80)
+    flight["side_force"][60 * RATE_HZ :] = 2.0
+    for source, known in ((0.0, True), (1.0, False)):
+        flight["force_source"][60 * RATE_HZ :] = source
+        last = Residual(SideForce()).feed(rows(flight))[-1]
+        assert (last.deviations > 10.0) if known else np.isnan(last.deviations)
