@@ -207,7 +207,7 @@ class Engine:
         if followed is None:
             return None
         parameters, airframe = self._axes.parameters(vehicle), mapper.airframe if mapper else None
-        return vehicle_usage(self._who(vehicle), followed, parameters, airframe)
+        return vehicle_usage(self.identity(vehicle), followed, parameters, airframe)
 
     def _identity(self, vehicle: int) -> FlightIdentity:
         """Return the identity of a vehicle's flight."""
@@ -222,9 +222,24 @@ class Engine:
         dates = {"boot_utc": boot, "start_utc": start, "end_utc": end}
         return FlightIdentity(vehicle=vehicle, board=known.board, boots=known.boots, **dates)
 
-    def _who(self, vehicle: int) -> Identity:
+    def identity(self, vehicle: int) -> Identity:
         """Return the identity of a vehicle, with the kind that its parameters tell."""
         return refined_identity(self._identities.of(vehicle), self._axes.parameters(vehicle).values)
+
+    def mapper(self, vehicle: int) -> Mapper | None:
+        """Return the mapper by whose profile a vehicle's actuators are read; None without a profile."""
+        return self._mappers.mapper(vehicle)
+
+    def tier(self, vehicle: int) -> Tier | None:
+        """Return the richest telemetry that a vehicle sent, of whichever actuator."""
+        return self._mappers.tier(vehicle, self._decoder.counts)
+
+    def axes(self, vehicle: int) -> list[Verdict]:
+        """Return the verdicts on a vehicle's axes and motors, also where telemetry makes them needless."""
+        followed = self._axes.vehicle(vehicle)
+        if followed is None or not self._vehicle_limit.admits(vehicle):
+            return []
+        return [*followed.verdicts(self.identity(vehicle), _utc(self._start_us))]
 
     def received(self, vehicle: int) -> dict[str, Received]:
         """Return, by message, how many of a vehicle's samples were kept, came late, or came at one time."""
@@ -314,9 +329,7 @@ class Engine:
             v.condition != "unmonitored" and v.actuator != ALL and not setup.against(v.actuator)
             for v in actuators
         )
-        followed, axes = self._axes.vehicle(vehicle), list[Verdict]()
-        if followed is not None and self._vehicle_limit.admits(vehicle):
-            axes += followed.verdicts(self._who(vehicle), _utc(self._start_us))
+        axes = self.axes(vehicle)
         if own and all(verdict.worst == "undecided" for verdict in axes):
             return actuators  # their own telemetry gives the verdicts
         axes = [*named_by_telemetry(axes, actuators, setup.airframe)]
@@ -327,7 +340,7 @@ class Engine:
         if mapper is None:
             followed = self._axes.vehicle(vehicle)
             surfaces = followed.surfaces if followed else None
-            yield from unjudged_vehicle(vehicle, tier, self._who(vehicle), surfaces)
+            yield from unjudged_vehicle(vehicle, tier, self.identity(vehicle), surfaces)
         elif not self._vehicle_limit.admits(vehicle):
             yield crowded_out(vehicle, tier, MOST_VEHICLES)
         else:

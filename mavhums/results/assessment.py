@@ -197,7 +197,7 @@ class Judgeable(Frozen):
 
 
 class VehicleTelemetry(Frozen):
-    """Telemetry of one vehicle's actuators in the log, and how to get more.
+    """Telemetry of one vehicle's actuators in the log, and what it allows to judge.
 
     The vehicle itself reports ``kind``, ``autopilot``, ``firmware`` and ``board``. ``tier`` is the best of
     its actuators; without a profile, which lists them, it is that of the log.
@@ -211,8 +211,6 @@ class VehicleTelemetry(Frozen):
     airframe: str | None
     tier: str | None
     gives: str
-    judged: bool
-    remedy: str | None
     actuators: tuple[ActuatorTelemetry, ...]
     subjects: tuple[Judgeable, ...] = ()
     usage: VehicleUsage | None = None
@@ -221,8 +219,8 @@ class VehicleTelemetry(Frozen):
 class Inspection(Frozen):
     """Contents of a log.
 
-    ``named`` lists named values, a thousand of them at most. ``sender_clock`` means that the log has no time
-    stamps: times count from the sender's boot.
+    ``named`` lists named values, a thousand of them at most. Without ``start_utc`` times count from the
+    sender's boot.
     """
 
     path: str
@@ -232,7 +230,6 @@ class Inspection(Frozen):
     vehicles: tuple[VehicleTelemetry, ...]
     messages: tuple[MessageRate, ...]
     named: tuple[NamedRate, ...] = ()
-    sender_clock: bool
     unknown_ids: dict[int, int]
     losses: Losses
 

@@ -124,9 +124,8 @@ def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:
         yield f"{join(_titles(subjects))}: cannot be judged: {reason}"
         if remedy:
             yield f"  remedy: {remedy}"
-    nothing = "nothing without travel_deg" if "travel_deg" in (vehicle.remedy or "") else "no telemetry"
     for actuator in vehicle.actuators:
-        sources = _shorten(actuator.provenance) or nothing
+        sources = _shorten(actuator.provenance) or "no telemetry"
         missing = f"; missing {', '.join(actuator.missing)}" if actuator.missing else ""
         yield f"{actuator.actuator} (servo {actuator.servo}): {sources}{missing}"
 
@@ -161,7 +160,7 @@ def _notes(inspection: Inspection) -> Iterator[str]:
         frames = sum(inspection.unknown_ids.values())
         ids = ", ".join(str(number) for number in sorted(inspection.unknown_ids)[:8])
         yield f"{frames} frames of messages that the dialect does not define: ids {ids}"
-    if inspection.sender_clock:
+    if inspection.start_utc is None:
         yield "The log has no date: times count from the autopilot's boot."
     if losses.line_ends_restored:
         yield (

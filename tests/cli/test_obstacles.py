@@ -66,15 +66,13 @@ def test_a_propellers_esc_is_named_as_such(run: Run, tmp_path: Path) -> None:
     profile.write_text(draft_profile(log).replace("# travel_deg = ", "travel_deg = [-20, 20]  #"))
     vehicle, verdict = both(run, log, "--airframe", profile)
     assert vehicle["tier"] == verdict["tier"] == "pwm"
-    assert not vehicle["judged"]
-    assert "esc-unsigned telemetry is of none of the profile's actuators" in vehicle["remedy"]
+    assert not any(one["judgeable"] for one in vehicle["subjects"])
 
 
 def test_a_multirotor_is_told_that_it_has_no_surfaces(run: Run, tmp_path: Path) -> None:
     vehicle, verdict = both(run, write_log(tmp_path / "x.tlog", sent(QUADROTOR, esc=True)))
-    assert "a multirotor has no control surfaces" in vehicle["remedy"]
-    assert "ESC telemetry is that of the propellers" in vehicle["remedy"]
-    assert not vehicle["judged"]
+    [motors] = vehicle["subjects"]
+    assert (motors["name"], motors["judgeable"]) == ("motors", False)
     # Its motors are what it is judged by, and this log has no parameters.
     assert (verdict["subject"], verdict["condition"]) == ("motor", "undecided")
     assert verdict["reason_codes"] == ["motors_unknown"]
@@ -85,7 +83,8 @@ def test_a_fresh_draft_says_what_it_lacks(run: Run, tmp_path: Path) -> None:
     profile = tmp_path / "mine.toml"
     profile.write_text(draft_profile(log))
     vehicle, verdict = both(run, log, "--airframe", profile)
-    for text in (vehicle["remedy"], verdict["reason"], run("inspect", log, "--airframe", profile).out):
+    printed = run("inspect", log, "--airframe", profile).out
+    for text in (vehicle["subjects"][-1]["reason"], verdict["reason"], printed):
         assert "travel_deg" in text.replace("\n", " ")
     outcome = run("export", log, "-o", tmp_path / "v.csv", "--airframe", profile)
     assert "has no travel_deg, without which a pulse has no angle" in outcome.err

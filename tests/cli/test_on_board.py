@@ -25,7 +25,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_inspect_says_what_it_holds(run: Run, log: Path) -> None:
     told = json.loads(run("inspect", log, "--json").out)
     assert told["start_utc"].startswith("2026-01-01T09:00:00")
-    assert not told["sender_clock"]
     [vehicle] = told["vehicles"]
     assert (vehicle["vehicle"], vehicle["airframe"], vehicle["tier"]) == (1, "paper", "csrv")
     elevator = next(a for a in vehicle["actuators"] if a["actuator"] == "elevator")
