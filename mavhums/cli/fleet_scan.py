@@ -8,13 +8,12 @@ import time
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING, Final
 
 import click
 
 from mavhums.cli.options import FILLED_STORE, FLEET_STORE, JSON, PATH, judging, utc
-from mavhums.cli.output import complain, draw, output_error, say, say_json
+from mavhums.cli.output import complain, draw, output_error, say, say_json, steps
 from mavhums.core.about import EPILOG
 from mavhums.core.errors import ExitCode, MavhumsError
 
@@ -70,7 +69,8 @@ def scan(
     from mavhums.fleet import scan as scan_logs
 
     scanning = ScanOptions(judging=options, workers=workers, scheduler=scheduler)
-    done = scan_logs(sources, store, scanning, progress=_Progress())
+    with steps("logs") as progress:
+        done = scan_logs(sources, store, scanning, progress=progress)
     if as_json:
         foreign = [one.model_dump() for one in status(store).foreign_boards]
         say_json(done._asdict() | {"foreign_boards": foreign})
@@ -79,21 +79,6 @@ def scan(
         for line in odd_lines(status(store), store):
             say(line)
     raise SystemExit(ExitCode.ERROR if done.failed else ExitCode.OK)
-
-
-class _Progress:
-    """Prints the progress of a scan of several logs on standard error, at most once a second."""
-
-    def __init__(self) -> None:
-        self._begun_s = self._printed_s = monotonic()
-
-    def __call__(self, done: int, total: int) -> None:
-        now_s = monotonic()
-        if total == 1 or (now_s - self._printed_s < 1.0 and done < total):
-            return
-        self._printed_s = now_s
-        rate = done / max(now_s - self._begun_s, 1e-3)
-        say(f"{done} of {total} logs, {rate:.1f} a second, {(total - done) / rate:.0f} s left", err=True)
 
 
 def odd_lines(found: StoreStatus, store: str) -> Iterator[str]:
@@ -206,14 +191,6 @@ def digest(
     metavar="SECONDS",
     help="Interval between looks for new logs.",
 )
-@click.option(
-    "--digest-at",
-    type=click.DateTime(["%H:%M"]),
-    metavar="HH:MM",
-    help="Print the digest of the last 24 hours at this local time every day, and send it by --notify.",
-)
-@_NOTIFY
-@_NOTIFY_ALWAYS
 def watch(
     options: Options,
     sources: tuple[str, ...],
@@ -221,9 +198,6 @@ def watch(
     workers: int,
     settle_s: float,
     every_s: float,
-    digest_at: datetime | None,
-    notify: tuple[str, ...],
-    notify_always: bool,
 ) -> None:
     """Judge the LOGS that land in folders, patterns or s3:// addresses, and print a line of each.
 
@@ -232,19 +206,13 @@ def watch(
     or a server is away, it tries again. Ctrl-C and SIGTERM end it with exit code 0; what was judged is in the
     store, and the next start continues.
 
-    A digest that falls due while the program is not running is not sent later; a timer of systemd or cron
-    that calls `mavhums fleet digest` sends it.
+    What changed is reported by `mavhums fleet digest`, which a timer of systemd or cron calls once a day.
     """
     from mavhums.fleet import ScanOptions
-    from mavhums.fleet import digest as digest_of
-    from mavhums.fleet.notify import recipients_of
     from mavhums.fleet.watch import LogWatcher
-    from mavhums.show.standing import digest_blocks
 
-    recipients = recipients_of(notify) if notify else []
     scanning = ScanOptions(judging=options, workers=workers)
     watching = LogWatcher(sources, store, scanning, settle_s=settle_s)
-    morning = _DailyTimer(digest_at) if digest_at else None
     signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
     try:
         complained = ""
@@ -253,10 +221,6 @@ def watch(
                 for one in watching.look(time.monotonic()):
                     say(_line_of(one))
                 complained = ""
-                if morning and (since := morning.due(datetime.now().astimezone())):
-                    found = digest_of(store, since)
-                    draw(digest_blocks(found))
-                    _sent(found, recipients, always=notify_always)
             except MavhumsError as error:
                 if watching.looks == 0:
                     raise
@@ -267,20 +231,6 @@ def watch(
     except KeyboardInterrupt:
         say("mavhums: stopped watching; the next start continues", err=True)
         raise SystemExit(ExitCode.OK) from None
-
-
-class _DailyTimer:
-    """Tells once a day that it is time for the digest."""
-
-    def __init__(self, at: datetime) -> None:
-        self._at = at.time()
-        self._last: datetime | None = None
-
-    def due(self, now: datetime) -> datetime | None:
-        """Return since when the digest is, if it is time for it."""
-        last, self._last = self._last, now
-        today = now.replace(hour=self._at.hour, minute=self._at.minute, second=0, microsecond=0)
-        return today - timedelta(days=1) if last is not None and last < today <= now else None
 
 
 def _sent(found: FleetDigest, recipients: Sequence[Recipient], *, always: bool) -> bool:

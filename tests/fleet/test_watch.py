@@ -6,13 +6,11 @@ import signal
 import sqlite3
 import sys
 from contextlib import closing
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
 from mavhums import Options, fleet
-from mavhums.cli.fleet_scan import _DailyTimer
 from mavhums.core.errors import MavhumsError
 from mavhums.fleet.watch import LogWatcher
 from mavhums.flights.store import database
@@ -90,15 +88,6 @@ def test_the_command_prints_a_line_a_log_and_ends_cleanly(
     assert "D-W: elevator EMERGENCY since flight 1 of 1" in told.out
     assert sum("bad.tlog" in line for line in told.out.splitlines()) == 1
     assert "stopped watching" in told.err
-
-
-def test_the_digest_is_due_once_a_day() -> None:
-    morning = _DailyTimer(datetime(1900, 1, 1, 6, 30))
-    day = datetime(2026, 3, 1, tzinfo=UTC)
-    assert morning.due(day + timedelta(hours=7)) is None, "nothing is caught up"
-    assert morning.due(day + timedelta(hours=30.4)) is None
-    assert morning.due(day + timedelta(hours=30.6)) == day + timedelta(hours=6.5)
-    assert morning.due(day + timedelta(hours=30.7)) is None
 
 
 def test_a_mistake_ends_the_watch_before_it_begins(run: Run, tmp_path: Path) -> None:
