@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Sequence
 from itertools import chain
 from typing import Any, Final, Literal
@@ -24,7 +24,6 @@ TIMELINE: Final = "flight_time"
 ROWS_PER_CHUNK: Final = 4096
 
 _CAPACITY: Final = 32768
-_RECENT_S, _RECENT_ROWS = 60.0, 20000
 _GAP_S: Final = 3.0
 
 Times = NDArray[np.float64] | Sequence[float]
@@ -128,8 +127,7 @@ class _Gaps:
 class Signals:
     """Writes the quantities of one actuator.
 
-    A recording is thinned so that each group keeps every quantity's smallest and largest value; around
-    changes of condition all samples are kept.
+    A recording is thinned so that each group keeps every quantity's smallest and largest value.
 
     Parameters
     ----------
@@ -148,50 +146,15 @@ class Signals:
         self.present: set[str] = set()
         self._rows, self._path, self._moved, self._gaps = rows, path, moved, _Gaps()
         self._take = rows.thinned(len(KEYS), _CAPACITY, self._draw)
-        self._recent: deque[tuple[Array, Array]] = deque()
-        self._pending: list[tuple[float, float]] = []
-        self._whole: list[tuple[Array, Array]] = []
-        self._marked_s = -np.inf
 
     def add(self, time_s: Array, values: Array) -> None:
         """Add samples: times of shape (n,) with n > 0, and values of shape (n, 12), NaN where not given."""
         self.present |= {KEYS[k] for k in np.flatnonzero(np.isfinite(values).any(axis=0)).tolist()}
-        self._recent.append((time_s, values))
-        self._keep_ended(float(time_s[-1]))
         self._take(time_s, values)
 
-    def mark(self, start_s: float, end_s: float) -> None:
-        """Keep all samples of a part of the flight, also where a recording is thinned."""
-        if (
-            not self._rows.live
-            and end_s > self._marked_s
-            and sum(time.size for time, _ in self._whole) < _CAPACITY
-        ):
-            self._pending.append((max(start_s, self._marked_s), end_s))
-            self._marked_s = end_s
-
-    def _keep_ended(self, latest_s: float) -> None:
-        """Keep the marked parts that are over, and forget what no part can reach any more."""
-        for start_s, end_s in [part for part in self._pending if part[1] <= latest_s]:
-            self._pending.remove((start_s, end_s))
-            time, values = map(np.concatenate, zip(*self._recent, strict=True))
-            inside = (time >= start_s) & (time < end_s)
-            if inside.any():
-                self._whole.append((time[inside], values[inside]))
-        rows = sum(time.size for time, _ in self._recent)
-        while len(self._recent) > 1 and (
-            rows > _RECENT_ROWS or self._recent[0][0][-1] < latest_s - _RECENT_S
-        ):
-            rows -= self._recent.popleft()[0].size
-
     def _draw(self, time: Array, values: Array) -> None:
-        for part, samples in self._whole:
-            outside = (time < part[0]) | (time > part[-1])
-            time = np.concatenate([time[outside], part])
-            values = np.concatenate([values[outside], samples])
-        order = np.argsort(time, kind="stable")
-        self._moved(time[order], values[order])
-        time, values = self._gaps.marked(time[order], values[order])
+        self._moved(time, values)
+        time, values = self._gaps.marked(time, values)
         columns = {key: values[:, place] for place, key in enumerate(KEYS) if key in self.present}
         if columns:
             self._rows.put(self._path, time, _quantities, **columns)

@@ -29,7 +29,6 @@ _EFFECTIVENESS: Final = "effectiveness"
 _FAULTY: Final[tuple[Condition, ...]] = ("degraded", "emergency")
 _COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
-_AROUND_S: Final = 10.0
 _HALF_WINDOW_S: Final = 5.0
 _NETWORK_STYLE: Final = rr.SeriesLines(names="of ten seconds", colors=BLUE, widths=2.5)
 
@@ -212,7 +211,6 @@ class Track:
         if self._state_s is None and event.since_s > self._first_s:
             self._state(self._first_s, event.before)
         self._state(event.since_s, event.after)
-        self._signals.mark(event.since_s - _AROUND_S, event.time_s + _AROUND_S)
         self.condition, self.since_s = event.after, event.since_s
         if SEVERITY[event.after] >= SEVERITY[self.worst]:
             self.cause = event.fault
