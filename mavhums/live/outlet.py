@@ -259,8 +259,7 @@ class TlogRecorder:
 
     Each call passes its records to the operating system whole or not at all, so that the file always
     ends with a whole record, and once a second they are synced to the disk. After an error, every
-    call tries again; records that could not be written are counted. Once a second, the recorder checks that
-    the file still exists under its name.
+    call tries again; records that could not be written are counted.
 
     Parameters
     ----------
@@ -273,6 +272,8 @@ class TlogRecorder:
         Path of the file in use.
     bytes, lost_frames
         Number of bytes written, and of frames that could not be written.
+    error
+        Reason why nothing is recorded; None if recording works.
 
     Raises
     ------
@@ -283,8 +284,7 @@ class TlogRecorder:
     def __init__(self, path: Path, *, start: datetime | None = None) -> None:
         self.path = Path((start or datetime.now(UTC)).strftime(str(path)))
         self.bytes = self.lost_frames = 0
-        self._failure: str | None = None
-        self._absence: str | None = None
+        self.error: str | None = None
         try:
             self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o600)
         except FileExistsError as error:
@@ -301,11 +301,6 @@ class TlogRecorder:
         self._syncer = threading.Thread(target=self._sync_often, name="tlog-sync", daemon=True)
         self._syncer.start()
 
-    @property
-    def error(self) -> str | None:
-        """Reason why nothing is recorded, or not at the intended place; None if recording works."""
-        return self._failure or self._absence
-
     def write(self, records: bytes, frames: int) -> None:
         """Append whole records, ``frames`` in number."""
         if not records:
@@ -318,9 +313,9 @@ class TlogRecorder:
             self._fail(error, frames)
             return
         self.bytes += len(records)
-        if self._failure is not None:
+        if self.error is not None:
             _LOG.warning("%s: written again; %d frames are missing", self.path, self.lost_frames)
-            self._failure = None
+            self.error = None
 
     def close(self) -> None:
         """Sync everything to the disk and close the file; do not wait for a slow disk."""
@@ -335,41 +330,16 @@ class TlogRecorder:
             os.ftruncate(self._file, self.bytes)
         except OSError as again:
             error = again
-        if self._failure is None:
+        if self.error is None:
             _LOG.error("%s: %s; the flight is judged, but not recorded", self.path, error.strerror)
-        self._failure = error.strerror or str(error)
+        self.error = error.strerror or str(error)
 
     def _sync_often(self) -> None:
         closing = False
         while not closing:
             closing = self._closing.wait(_SYNC_S)
             self._sync()
-            self._look()
         os.close(self._file)
-
-    def _look(self) -> None:
-        """Check that the file still exists under its name."""
-        absence = None
-        try:
-            written = os.fstat(self._file)
-            if not written.st_nlink:
-                absence = "the file was removed"
-            elif not os.path.samestat(written, self.path.stat()):
-                absence = "the file was moved"
-        except FileNotFoundError:
-            absence = "the file was moved"
-        except OSError as error:
-            absence = error.strerror or str(error)
-        if absence and absence != self._absence:
-            _LOG.error("%s: %s while it is written%s", self.path, absence, self._rescue(absence))
-        self._absence = absence
-
-    def _rescue(self, absence: str) -> str:
-        """Return how to save the written data."""
-        there = Path(f"/proc/{os.getpid()}/fd/{self._file}")
-        if absence != "the file was removed" or not there.exists():
-            return "; writing continues"
-        return f"; until this program ends, save it: cp {there} flight.tlog"
 
     def _sync(self) -> None:
         if self._synced == self.bytes:

@@ -12,7 +12,7 @@ import numpy as np
 import rerun as rr
 
 from mavhums.core.arrays import Array
-from mavhums.core.quantities import KEYS
+from mavhums.core.quantities import column
 from mavhums.show._signals import RowWriter
 from mavhums.show.curves import Thinner
 from mavhums.show.outline import V_TAIL, Place, kind, places
@@ -42,7 +42,7 @@ _HUB: Final[tuple[_Box, ...]] = (
     ((0, 0, 0), (0.2, 0.2, 0.05), _GREY),
     ((0.26, 0, 0), (0.06, 0.04, 0.03), _DARK),
 )
-_V1, _V3 = KEYS.index("V1"), KEYS.index("V3")
+_V1, _V3 = column("V1"), column("V3")
 
 
 def vehicle_part(vehicle: int | None) -> str:
