@@ -320,9 +320,10 @@ def report(options: Options, log: Path, output: Path) -> None:
     Exit codes are those of analyse.
     """
     from mavhums.app import analysis
+    from mavhums.show.answer import blocks
 
     with reading(log) as progress:
         assessment = analysis.analyse(log, options, report=output, progress=progress)
-    say(assessment.summary())
+    draw(blocks(assessment, brief=True))
     say(f"report: {output}   open it in a browser")
     raise SystemExit(assessment.exit_code)

@@ -26,6 +26,11 @@ class Contract(Frozen):
 class Drawn(Contract):
     """A result that a notebook shows as a person reads it, not as its fields."""
 
+    # Who asks the object itself asks for its words; what draws it lies in a room above, and loads only then.
+
+    def summary(self) -> str:
+        """Return what a command prints of it: what was found, since when, and what to do."""
+        return str(import_module("mavhums.show.terminal").summary(self))
+
     def _repr_html_(self) -> str:
-        # A notebook asks the object itself; what draws it lies in a room above, and loads only then.
         return str(import_module("mavhums.show.html").cell(self))

@@ -64,8 +64,8 @@ class Assessment(Drawn):
     --------
     >>> import mavhums
     >>> assessment = mavhums.analyse("flight.tlog")
-    >>> print(assessment.summary().splitlines()[0][:19])
-    elevator: emergency
+    >>> "EMERGENCY: elevator" in assessment.summary()
+    True
     >>> assessment.exit_code.name
     'EMERGENCY'
     """
@@ -114,13 +114,6 @@ class Assessment(Drawn):
             rows.append(row)
         return pd.DataFrame(rows)
 
-    def summary(self) -> str:
-        """Return a line for each actuator, in descending order of severity; like ones share a line."""
-        lines: dict[str, list[str]] = {}
-        for verdict in self.ranked():
-            lines.setdefault(_line(verdict), []).append(verdict.actuator)
-        return "\n".join(f"{', '.join(names)}: {line}" for line, names in lines.items())
-
     def ranked(self) -> list[Verdict]:
         """Return the verdicts in descending order of severity."""
         return sorted(self.verdicts, key=lambda verdict: -URGENCY[verdict.gravest])
@@ -138,22 +131,6 @@ class Assessment(Drawn):
             found.append("degraded")
         code = exit_code_of(found)
         return ExitCode.READ_WITH_LOSSES if code == ExitCode.OK and self.log.losses.any else code
-
-
-def _line(verdict: Verdict) -> str:
-    text: str = verdict.condition
-    if verdict.worst != verdict.condition:
-        text += f" (worst {verdict.worst})"
-    if verdict.effectiveness:
-        kept = "thrust" if verdict.subject == "motor" else "control effectiveness"
-        text += f", {kept} {100 * verdict.effectiveness.estimate:.0f} %"
-    if verdict.friction_nm:
-        text += f", friction {verdict.friction_nm.estimate:.3f} N·m"
-    if verdict.since:
-        text += f", since {verdict.since.flight_time_s:.1f} s"
-    if verdict.reason:
-        text += f": {'; '.join(filter(None, (verdict.reason, verdict.remedy)))}"
-    return text
 
 
 class MessageRate(Frozen):

@@ -141,7 +141,7 @@ def cell(result: Assessment | TrendReport) -> str:
     """
     from markupsafe import escape
 
-    from mavhums.show.trend import trend_blocks
+    from mavhums.show.trend import short_blocks
 
-    shown = blocks(result, brief=True) if isinstance(result, Assessment) else trend_blocks(result)
-    return f'<iframe sandbox title="mavhums" style="{_FRAME}" srcdoc="{escape(document(shown))}"></iframe>'
+    shown = escape(document(short_blocks(result)))
+    return f'<iframe sandbox title="mavhums" style="{_FRAME}" srcdoc="{shown}"></iframe>'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from rich import box
 from rich.console import Console, RenderableType
@@ -17,6 +18,9 @@ from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
 from mavhums.show.blocks import Anchor, Block, Cell, Facts, Finding, Headline, Listing, Mark, Note, TableBlock
 from mavhums.show.words import COLOURS, sign
+
+if TYPE_CHECKING:
+    from mavhums.results.standing import TrendReport
 
 _GAP = 2
 _WIDE = 1_000_000
@@ -42,6 +46,13 @@ def plain(shown: Iterable[Block]) -> str:
     file = io.StringIO()
     draw(shown, Console(file=file, width=_WIDE, color_system=None))
     return file.getvalue()
+
+
+def summary(result: Assessment | TrendReport) -> str:
+    """Return a result as a text without colours."""
+    from mavhums.show.trend import short_blocks
+
+    return plain(short_blocks(result))
 
 
 def draw(shown: Iterable[Block], console: Console) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.health.decision.baseline import LOSSES
+from mavhums.results.assessment import Assessment
 from mavhums.results.standing import (
     ActuatorTrend,
     Growth,
@@ -18,6 +19,7 @@ from mavhums.results.standing import (
     TrendReport,
 )
 from mavhums.results.verdict import Interval
+from mavhums.show.answer import blocks
 from mavhums.show.blocks import Block, Cell, Column, Headline, Mark, Note, TableBlock
 from mavhums.show.curves import Curve
 from mavhums.show.evidence import Limit
@@ -27,6 +29,11 @@ from mavhums.show.words import capital, group_name, join, levels, subject_of
 
 _BARS = "▁▂▃▄▅▆▇█"
 _CELLS = 8
+
+
+def short_blocks(result: Assessment | TrendReport) -> list[Block]:
+    """Return what is shown of a result where there is little room."""
+    return blocks(result, brief=True) if isinstance(result, Assessment) else trend_blocks(result)
 
 
 def trend_blocks(report: TrendReport) -> list[Block]:

@@ -219,7 +219,7 @@ def test_exit_codes_tell_the_worst(growing_log: Path, tmp_path: Path) -> None:
     write_tlog(fly(Flight(seed=5, duration_s=20.0, friction_nm={"rudder": (0.6, 0.6)})), degraded)
     assessment = judge(degraded.read_bytes())
     assert assessment.exit_code == ExitCode.DEGRADED
-    assert assessment.summary().startswith("rudder: degraded, friction 0.")
+    assert "DEGRADED: rudder (servo 4): friction 0." in assessment.summary()
     frame = assessment.to_frame()
     assert frame.set_index("actuator").loc["rudder", "condition"] == "degraded"
 

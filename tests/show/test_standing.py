@@ -182,15 +182,6 @@ def test_a_crash_is_not_a_plain_undecided(kind: str, told: str) -> None:
     assert headline(assessment).condition in ("emergency", "degraded")
 
 
-def test_a_summary_says_once_what_is_so_of_several() -> None:
-    motors = [axis(f"motor {k}", subject="motor", reason="quad X: no motor lost 42 %") for k in range(1, 5)]
-    text = new_assessment(*motors, axis("roll")).summary()
-    assert text.splitlines() == [
-        "motor 1, motor 2, motor 3, motor 4: normal: quad X: no motor lost 42 %",
-        "roll: normal",
-    ]
-
-
 REASONS = (
     "too few pulses",
     "its surfaces explain 4 % of how it moves, 30 % are needed; no airspeed",
