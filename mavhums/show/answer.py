@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from mavhums.show.curves import EvidenceCollector
 
 _LATEST: Final = (2, 1)  # findings of a short answer: of the gravest subject, of each other one
+_FOUND: Final = 2  # findings that a short answer has; of the others it has the names
 _UNKNOWN: Final = 2  # reasons of a short answer why something is not judged; none beside what is wrong
 _FIRST, _LAST = 20, 20  # findings of a full one
 _LINE: Final = 100  # letters of a note that a short answer has whole
@@ -95,8 +96,15 @@ def blocks(
         unknown = [one for one in found if one.condition in ("undecided", "learning")]
         unsaid = unknown[0 if faulty else _UNKNOWN :]
         found = [one for one in found if one not in unsaid]
-        left = [f"Not judged: {join(one.title for one in unsaid)} (--verbose has why)."] if unsaid else []
-        return [*_headed(head, middle, found), *_notes(left), *over, _end_of_brief(assessment)]
+        also = [f"{one.title} {one.condition or ''}".rstrip() for one in found[_FOUND:]]
+        left = [f"Also: {join(also)}"] if also else []
+        left += [f"Not judged: {join(one.title for one in unsaid)}"] if unsaid else []
+        return [
+            *_headed(head, middle, found[:_FOUND]),
+            *_notes([f"{line} (--verbose has why)." for line in left]),
+            *over,
+            _end_of_brief(assessment),
+        ]
     notes = [f"{note}." for note in flight_notes(assessment)]
     proof, more = _curves(rest, gathered, faulty=bool(faulty))
     well = [one for one in rest.ranked() if one not in faulty and one.coverage.windows][:ROWS]

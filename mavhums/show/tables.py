@@ -19,6 +19,7 @@ from mavhums.show.words import clock, friction, join, name, names, percent, plac
 
 _NUMBER: Final = re.compile(r"(\d+)")
 ROWS: Final = 200
+_BRIEF_ROWS: Final = 9
 ALL_ROWS: Final = "mavhums analyse --json has them all"
 """What is said of what comes after :data:`ROWS`."""
 
@@ -45,10 +46,11 @@ def verdict_table(assessment: Assessment, *, brief: bool) -> Iterator[Block]:
     columns = [Column(kinds.pop() if len(kinds) == 1 else "subject"), *_COLUMNS]
     if columns[0].title == "motor":
         columns[2] = columns[2]._replace(title="thrust left")
-    rows = [_verdict_row(alike, assessment) for alike in groups[:ROWS]]
+    most, where = (_BRIEF_ROWS, "--verbose has them all") if brief else (ROWS, ALL_ROWS)
+    rows = [_verdict_row(alike, assessment) for alike in groups[:most]]
     yield table("" if brief else "Verdicts", columns, rows)
-    if len(groups) > ROWS:
-        yield Note([f"{len(groups) - ROWS} more, less grave: {ALL_ROWS}."])
+    if len(groups) > most:
+        yield Note([f"{len(groups) - most} more, less grave: {where}."])
 
 
 def _verdict_row(alike: Sequence[Verdict], assessment: Assessment) -> list[Cell]:
