@@ -209,7 +209,7 @@ def _found(each: Flown) -> Condition | None:
 def _finding(verdict: Verdict, condition: Condition) -> dict[str, Any]:
     """Return fault, quantity, value and limit of what a verdict rests on."""
     rules = [each for each in verdict.evidence if each.condition == condition]
-    named = [one.fault for one in verdict.suspects] + [one.kind.removesuffix("_drift") for one in rules]
+    named = [one.fault for one in verdict.suspects] + [one.fault for one in rules]
     indicators = [PastIndicator.of(one, verdict.evidence) for one in verdict.indicators]
     shown = [one for fault in named for one in indicators if one.fault == fault]
     for one in (*shown, *(one for one in indicators if one.is_beyond)):

@@ -99,6 +99,10 @@ class Coverage(Contract):
     implausible: dict[str, int] = {}
 
 
+DRIFT: Final = "_drift"
+"""Ends the kind of a finding that departs from the actuator's own baseline."""
+
+
 class Evidence(Contract):
     """One finding, with the rule that made it one."""
 
@@ -113,6 +117,11 @@ class Evidence(Contract):
     def condition(self) -> str:
         """The condition that it gives, which its rule begins with."""
         return self.rule.partition(" ")[0].rstrip(":")
+
+    @property
+    def fault(self) -> str:
+        """The fault that it shows, by a limit or by the own baseline."""
+        return self.kind.removesuffix(DRIFT)
 
 
 class Indicator(Contract):

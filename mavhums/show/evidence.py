@@ -109,7 +109,7 @@ def _of_verdict(
     for kind in in_order(kinds, suspects[0] if suspects else ""):
         key = CurveKey(verdict.vehicle, verdict.actuator, kind)
         yield 1 + (kind != EVIDENCE), _trace(whose, key, traces[key], since_s)
-    alarms = [item.kind.removesuffix("_drift") for item in verdict.evidence]
+    alarms = [item.fault for item in verdict.evidence]
     for fault in dict.fromkeys((*suspects, *alarms, "friction", "effectiveness")):
         curve = curves.get(CurveKey(verdict.vehicle, verdict.actuator, fault))
         if curve is None or not curve.time_s.size:

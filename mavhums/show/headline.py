@@ -208,19 +208,14 @@ def _what(verdict: Verdict) -> str:
     return f" {', '.join(said) or verdict.gravest}"
 
 
-_DRIFT: Final = "_drift"
-"""Ends the kind of what departs from the actuator's own baseline."""
-
-
 def _of_actuator(verdict: Verdict, kinds: dict[str, Evidence]) -> str:
     if any(kind.startswith("jam") for kind in kinds):
         return " stuck"
     if not kinds:
         return f" {verdict.gravest}"
     # Where a limit decides, too, it says more than the own baseline.
-    kind, item = sorted(kinds.items(), key=lambda each: not each[0].endswith(_DRIFT))[-1]
-    beside = "own baseline" if kind.endswith(_DRIFT) else "limit"
-    kind = kind.removesuffix(_DRIFT)
+    item = sorted(kinds.values(), key=lambda each: each.kind == each.fault)[-1]
+    kind, beside = item.fault, "limit" if item.kind == item.fault else "own baseline"
     units = {shown.fault: shown.unit for shown in verdict.indicators} | {"friction": "N·m"}
     if kind == "friction" and verdict.friction_nm and beside == "limit":
         item = item.model_copy(update={"value": verdict.friction_nm.estimate})

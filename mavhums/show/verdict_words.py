@@ -17,6 +17,9 @@ LOSS: Final = percent(1.0 - NORMAL_EFFECTIVENESS)
 _WIDEST: Final = 1.0
 """A 95 % interval wider than the whole control effectiveness says nothing about it."""
 
+_SAID_BY_RULE: Final = ("effectiveness", "slow", "hard_over", "tracking", "thrust", "speed", "unbalance")
+"""Kinds of findings whose rule contains the value."""
+
 _WITHOUT_EFFECTIVENESS: Final = {
     "tracking": "the flown attitude left the demanded one by",
     "hard_over": "the motion that no output explains reached",
@@ -130,19 +133,9 @@ def finding(item: Evidence) -> str:
     when = f"{clock(item.start_s)} to {clock(item.end_s)}"
     if item.kind == "network":
         return f"{when}: {item.rule} (highest probability {percent(item.value)})"
-    if item.kind in (
-        "effectiveness",
-        "slow",
-        "hard_over",
-        "tracking",
-        "thrust",
-        "speed",
-        "unbalance",
-    ):
-        return f"{when}: {item.rule}"
     if item.kind == "friction":
         return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
-    if item.kind.endswith("_drift"):
+    if item.kind in _SAID_BY_RULE or item.kind != item.fault:
         return f"{when}: {item.rule}"
     return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
 
@@ -258,7 +251,7 @@ def network_sentence(verdict: Verdict) -> str | None:
     if verdict.worst == "undecided":
         return f"the physics is undecided; the network {said.model.name} says {said.condition}: {share}"
     faulty = SEVERITY[verdict.worst] > SEVERITY["normal"]
-    found = [item.kind.removesuffix("_drift") for item in verdict.evidence if item.condition != "normal"]
+    found = [item.fault for item in verdict.evidence if item.condition != "normal"]
     found += [item.fault for item in verdict.suspects]
     same = said.says is None or fault_of(said.says) in found
     alike = said.condition == verdict.worst and (same or not faulty)

@@ -26,7 +26,7 @@ from mavhums.health.decision.evidence import (
 from mavhums.health.decision.limits import tail_of_flight
 from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.results.reasons import said
-from mavhums.results.verdict import Verdict
+from mavhums.results.verdict import DRIFT, Verdict
 
 _TWO_SIDED = {each.fault for each in DETECTORS if each.two_sided}
 
@@ -99,5 +99,5 @@ def _departures(
             known.mean,
             rule,
             confidence_of(one),
-            kind=f"{shown.fault}_drift",
+            kind=f"{shown.fault}{DRIFT}",
         )
