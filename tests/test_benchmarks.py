@@ -137,7 +137,6 @@ RUNS: dict[str, list[Small]] = {
     "real_actuators": [Small("ACTUATORS --only sheet --reps 0 --kinds sensor --workers 1", needs=ACTUATORS)],
     "record": [Small("", {"CASES": {}}, slow=False)],
     "resemblance": [Small("--flights 3", {}, {"| | closed loop": Cells()})],
-    "response_history": [Small("FLIGHTS", slow=False)],
     "severities": [Small("friction --seeds 1 --seconds 20 --workers 1", {"STEPS": 2}, slow=False)],
     "simulate": [Small("--quick")],
     "start": [Small("", {"TIMES": 1, "PARTS": {"numpy": "import numpy"}})],

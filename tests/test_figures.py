@@ -32,7 +32,6 @@ from mavhums.flights.history import PastFlight
 from mavhums.flights.trends import trend_report
 from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.monitor import AxisMonitor
-from mavhums.health.axis.response import RESPONSE
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.growth import course_of, last_step
 from mavhums.health.estimation.equations.own_scale import RIPPLE, ROUGHNESS, TWO_WAYS
@@ -132,19 +131,7 @@ def test_of_a_log(name: str, tmp_path: Path) -> None:
     flight = StandaloneAssessment(engine.assessment(str(path)), engine.profiles(), options.false_alarms)
     beside = compared(flight, lambda *_: baselines_about(flight, [0.0, 0.05, 0.5], 1e-3))
     found = {"alone": json.loads(zlib.decompress(packed(flight))), "compared": dumped(beside.verdicts)}
-    found = without_cross_products(found)
     hold(name, found | {"events": condensed(events)})
-
-
-def without_cross_products(found: Any) -> Any:
-    """Return figures without the products of an axis's columns, which may cancel: its squares stay."""
-    if isinstance(found, list):
-        return [without_cross_products(one) for one in found]
-    if not isinstance(found, dict):
-        return found
-    if found.get("equation") == RESPONSE:
-        return found | {"groups": [row[:4] for row in found["groups"]]}
-    return {key: without_cross_products(value) for key, value in found.items()}
 
 
 _OWN = ("vehicle", "actuator", "fault", "kind")

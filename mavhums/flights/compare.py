@@ -50,10 +50,8 @@ def compared(
     start, end_s = datetime.fromisoformat(started), flight.assessment.log.duration_s
     judged_by, alone = flight.assessment.airframe, flight.assessment.verdicts
     known = {name: baselines(name, start) for name in {judged_by, *flight.profiles.values()}}
-    own_scale = any(verdict.own for verdict in alone if verdict.subject == "actuator")
+    own_scale = any(verdict.own for verdict in alone)
     flown = {name: past(name, start) for name in {*flight.profiles.values()}} if past and own_scale else {}
-    responses = any(verdict.own for verdict in alone if verdict.subject == "axis")
-    before = past(judged_by, start) if past and responses else {}
 
     def own(verdict: Verdict, profile: str | None = judged_by) -> Mapping[str, Baseline]:
         return of_subject(known.get(profile, {}), (verdict.vehicle or 0, verdict.actuator))
@@ -63,17 +61,8 @@ def compared(
             return verdict
         key = verdict.vehicle, verdict.actuator
         if verdict.subject == "axis":
-            verdict = axis_past.compare_with_earlier_flights(
+            return axis_past.compare_with_earlier_flights(
                 verdict, own(verdict), start_utc=start, end_s=end_s, false_alarms=flight.false_alarms
-            )
-            others = [
-                one
-                for one in alone
-                if one.subject == "axis" and one.vehicle == key[0] and one.actuator != key[1]
-            ]
-            records = [each.records for each in before.get(key, ()) if each.healthy]
-            return axis_past.compare_response(
-                verdict, records, others=others, start_utc=start, false_alarms=flight.false_alarms
             )
         if verdict.subject == "motor" or not verdict.coverage.windows:
             return verdict

@@ -88,7 +88,7 @@ class PastVerdict(NamedTuple):
     indicators
         One for each fault.
     own
-        What later flights need of a flight: of an axis only a healthy one is ever compared with.
+        What later flights need of a flight.
     whole
         Returns the verdict itself.
     """
@@ -110,7 +110,7 @@ class PastVerdict(NamedTuple):
         shown: dict[str, PastIndicator] = {}
         for one in verdict.indicators:
             shown.setdefault(one.fault, PastIndicator.of(one, verdict.evidence))
-        past = cls(
+        return cls(
             verdict.vehicle,
             verdict.subject,
             verdict.actuator,
@@ -122,7 +122,6 @@ class PastVerdict(NamedTuple):
             verdict.own,
             lambda: verdict,
         )
-        return past if past.is_healthy or past.subject == "actuator" else past._replace(own=())
 
     @property
     def gravest(self) -> Condition:

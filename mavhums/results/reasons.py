@@ -218,8 +218,6 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "late_reference": (
         "its reference ends {judged_from_s:.0f} s into the log: a loss before that does not show",
         "compare with earlier flights (--keep)"),
-    "by_earlier_flights": (
-        "judged by {flights} earlier flights: this one gives no reference of its own", ""),
 
     # of motors
     "motors_unknown": ("the log does not show where each motor is", _PARAMETERS),

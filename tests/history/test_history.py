@@ -8,16 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mavhums.core.conditions import Condition
 from mavhums.core.errors import MavhumsError
 from mavhums.flights.aircraft import Since
-from mavhums.flights.history import PastFlight, PastVerdict, baselines_of
+from mavhums.flights.history import PastFlight, baselines_of
 from mavhums.flights.queries import earlier_flights
 from mavhums.flights.store import Store
 from mavhums.health.decision.baseline import Baseline, Baselines
 from mavhums.health.estimation.thresholds import REFERENCE_FLIGHTS
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import OwnRecord
 from tests.fleet.stores import write_store
 from tests.flights import START, flown, identity, shown, verdict
 
@@ -89,22 +87,6 @@ def test_after_a_repair_the_baseline_begins_anew() -> None:
     assert found[1, "rudder", "friction"].flights == 18
     everyone = baselines(flights, since={None: START + timedelta(days=8)})
     assert {baseline.flights for baseline in everyone.values()} == {10}
-
-
-def test_of_an_axis_only_a_healthy_flight_is_kept_for_later_ones() -> None:
-    own = (OwnRecord(equation="response", setup="-", rate_hz=10.0, duration_s=9.0, groups=((9.0,),)),)
-    cases: tuple[tuple[str, Condition, str | None, bool], ...] = (
-        ("actuator", "degraded", None, True),
-        ("axis", "normal", None, True),
-        ("axis", "degraded", None, False),
-        ("axis", "normal", "loss", False),
-        ("motor", "emergency", None, False),
-    )
-    for subject, condition, suspect, is_kept in cases:
-        one = verdict(condition=condition, suspect=suspect).model_copy(
-            update={"subject": subject, "own": own}
-        )
-        assert PastVerdict.of(one).own == own * is_kept
 
 
 def test_only_flights_of_one_profile_and_board_may_be_one_flight(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from mavhums.results.reasons import MESSAGES, Reason, said
 from tests.docs.test_reference import COMMANDS
 
 ROOT = Path(__file__).parents[2]
-WITHOUT_REMEDY = {"own_unchanged", "by_earlier_flights", "propeller_escs", "no_angle"}
+WITHOUT_REMEDY = {"own_unchanged", "propeller_escs", "no_angle"}
 """Nothing is wrong, or another reason of the same verdict has the remedy."""
 
 

@@ -17,7 +17,6 @@ from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.regressions import FORMS, Chain, Form, HighPass
-from mavhums.health.axis.response import Response
 from mavhums.health.axis.thresholds import (
     LEAST_ROWS_PER_S,
     MASKED_S,
@@ -50,8 +49,6 @@ class AxisFindings:
     shares
         Of two mixed surfaces that move the axis, the probability that it is the ``left``, the ``right`` or
         ``both``; empty where the evidence does not decide.
-    response
-        Sums of the flight, for the comparison with other flights; None without any.
     highest_evidence
         Highest logarithm of the evidence of a loss or a lag; None without a reference.
     """
@@ -72,7 +69,6 @@ class AxisFindings:
     spacing_s: float
     limits: AxisLimits
     shares: Mapping[str, float] = field(default_factory=dict)
-    response: Response | None = None
     highest_evidence: float | None = None
 
 

@@ -16,7 +16,6 @@ from mavhums.health.axis.effectiveness import EffectivenessTracker
 from mavhums.health.axis.findings import AxisFindings, origins
 from mavhums.health.axis.reference import Second
 from mavhums.health.axis.residuals import Residual, SideForce
-from mavhums.health.axis.response import ResponseSums
 from mavhums.health.axis.thresholds import GROUND_SPEED_SHARE, JUDGED_ERROR, LONGEST_REFERENCE_S, MASKED_S
 from mavhums.health.decision.events import ConditionChanged, Indication, Trace
 from mavhums.health.decision.thresholds import FALSE_ALARMS, NORMAL_S
@@ -96,7 +95,6 @@ class AxisMonitor:
         }
         self._mixed, self._surfaces = {*coupled, *coupled.values()}, dict[tuple[str, int], Array]()
         self._detectors = detectors(self.limits, axes)
-        self._responses = {axis: ResponseSums(axis) for axis in axes}
         self._axes = {axis: _AxisState() for axis in axes}
         self._side, self._skids = Residual(SideForce()), Skids()
         self._skidded_s = self._astray_s = -(1 << 30)
@@ -106,8 +104,6 @@ class AxisMonitor:
         """Process rows; yield the effectiveness of each axis, then the changes of condition in time order."""
         self._look_for_take_off(rows)
         seconds = {axis: gain.feed(rows) for axis, gain in self._gains.items()}
-        for response in self._responses.values():
-            response.feed(rows)
         # The side force of a rover or a boat says nothing about its steering.
         sides = {left.end_s: left for left in self._side.feed(rows)} if "yaw" in self.axes else {}
         seen = AxisInput(rows, seconds, self._gains, sides)
@@ -332,7 +328,6 @@ class AxisMonitor:
             usable_s=gain.usable_s,
             spacing_s=gain.spacing_s,
             limits=self.limits,
-            response=self._responses[axis].response(),
             highest_evidence=gain.highest_evidence,
             shares=self._named() if axis in self._mixed else {},
         )

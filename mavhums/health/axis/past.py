@@ -1,29 +1,26 @@
 """Compares an axis with the same aircraft's earlier flights: a pure function of stored numbers.
 
 The reference of a flight cannot show a fault that was there from the start. Its control effectiveness, lag
-and trim are therefore compared with those of the earlier healthy flights. An axis without a reference is
-compared by its response, over a minute of driven flight at a time. A difference counts if it is certain,
-given the errors and the scatter between flights, and beyond the limit of the profile.
+and trim are therefore compared with those of the earlier healthy flights. A difference counts if it is
+certain, given the errors and the scatter between flights, and beyond the limit of the profile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from datetime import datetime
-from typing import Final, NamedTuple
+from typing import Final
 
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import t_quantile
-from mavhums.health.axis.response import Stretch, stretches
-from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS, POOLED_S
 from mavhums.health.decision.baseline import LOSSES, Baseline, ComparedIndicator, with_baselines
 from mavhums.health.decision.conditions import since
 from mavhums.health.decision.evidence import Departure, confidence_of, with_departures
 from mavhums.health.decision.limits import tail_of_flight
 from mavhums.health.decision.thresholds import FALSE_ALARMS
-from mavhums.results.reasons import Reason, said
+from mavhums.results.reasons import said
 from mavhums.results.sections import AxisLimits
-from mavhums.results.verdict import Coverage, Interval, OwnRecord, Verdict
+from mavhums.results.verdict import Verdict
 
 _TESTED: Final = (*LOSSES, "slow", "hard_over")  # faults among which the false alarms are divided
 
@@ -74,7 +71,7 @@ def compare_with_earlier_flights(
 def _departures(compared: list[ComparedIndicator], limits: AxisLimits, tail: float) -> Iterator[Departure]:
     """Yield the differences that are certain and beyond the limits: of the gains the most certain one."""
     lost = [one for one in compared if one.indicator.fault in LOSSES and one.baseline.mean > 0]
-    losses = [loss for one in lost if (loss := loss_of(one, limits, tail))]
+    losses = [loss for one in lost if (loss := _loss_of(one, limits, tail))]
     # Gain and load factor fall with the same surface: one loss, the graver one.
     yield from sorted(losses, key=lambda loss: loss.value)[:1]
     for one in compared:
@@ -92,7 +89,7 @@ def _departures(compared: list[ComparedIndicator], limits: AxisLimits, tail: flo
             yield Departure("hard_over", "degraded", size, limits.trim_shift, rule, confidence_of(one))
 
 
-def loss_of(one: ComparedIndicator, limits: AxisLimits, tail: float) -> Departure | None:
+def _loss_of(one: ComparedIndicator, limits: AxisLimits, tail: float) -> Departure | None:
     """Return a certain loss of effectiveness; None if there is none."""
     share = one.share
     k = share.estimate
@@ -121,106 +118,3 @@ def _from_the_start(verdict: Verdict, found: list[Departure], start_utc: datetim
     if SEVERITY[worst] >= SEVERITY[verdict.condition]:
         changes |= {"condition": worst, "since": since(start_s, start_utc), **said()}
     return with_departures(verdict, found, (start_s, end_s), when, changes=changes)
-
-
-class _JudgedStretch(NamedTuple):
-    """A stretch with its effectiveness relative to the earlier flights, and a certain loss or None."""
-
-    stretch: Stretch
-    share: Interval
-    loss: Departure | None
-
-    @property
-    def excludes_loss(self) -> bool:
-        """Whether a loss of 40 % or more is excluded with 95 %."""
-        return self.share.low > NORMAL_EFFECTIVENESS
-
-
-def compare_response(
-    verdict: Verdict,
-    past: Sequence[Sequence[OwnRecord]],
-    *,
-    others: Collection[Verdict],
-    start_utc: datetime,
-    false_alarms: float,
-) -> Verdict:
-    """Return the verdict on an axis after the comparison of its response with that of earlier flights.
-
-    Only an axis that the flight itself cannot judge is judged so.
-
-    Parameters
-    ----------
-    verdict
-        Verdict on the axis so far.
-    past
-        Records of the axis in earlier healthy flights, in the order of time.
-    others
-        Verdicts on the vehicle's other axes. Where one has a fault, what moves this axis beside its surfaces
-        is not that of healthy flights, and nothing is compared.
-    start_utc
-        Start of flight time.
-    false_alarms
-        Allowed false alarms per 100 hours of the axis.
-    """
-    if verdict.condition != "undecided" or verdict.worst != "undecided":
-        return verdict
-    if any(SEVERITY[one.worst] > SEVERITY["normal"] for one in others):
-        return verdict
-    limits = verdict.limits or AxisLimits()
-    tail = tail_of_flight(false_alarms, POOLED_S) / len(_TESTED)
-    judged = [
-        _JudgedStretch(
-            one, one.compared.share, loss_of(one.compared, limits, tail) if one.is_driven else None
-        )
-        for one in stretches(verdict.own, past)
-    ]
-    if any(one.loss for one in judged):
-        return _with_loss(verdict, judged, start_utc)
-    if not judged or not judged[-1].excludes_loss:
-        return verdict
-    flights = judged[-1].stretch.compared.baseline.flights
-    return verdict.model_copy(
-        update={
-            "condition": "normal",
-            "worst": "normal",
-            "effectiveness": judged[-1].share,
-            "coverage": _coverage(verdict, judged),
-            **said(Reason("by_earlier_flights", flights=flights)),
-        }
-    )
-
-
-def _with_loss(verdict: Verdict, judged: list[_JudgedStretch], start_utc: datetime) -> Verdict:
-    """Return a verdict with one finding: from the first stretch with a loss to the last one."""
-    lost = [(one, one.loss) for one in judged if one.loss]
-    gravest = min((loss for _, loss in lost), key=lambda loss: loss.value)
-    latest, loss = lost[-1]
-    start_s, end_s, last = lost[0][0].stretch.start_s, latest.stretch.end_s, judged[-1]
-    # The loss is over where the last stretch excludes one, at the effectiveness that the limit asks for.
-    is_over = last.loss is None and last.excludes_loss and last.share.estimate >= loss.limit
-    changes = {
-        "condition": "normal" if is_over else loss.condition,
-        "since": since(last.stretch.start_s if is_over else start_s, start_utc),
-        "effectiveness": last.share if is_over else latest.share,
-        "coverage": _coverage(verdict, judged),
-        **said(),
-    }
-    when = f"from {start_s:.0f} s to {end_s:.0f} s"
-    return with_departures(verdict, [gravest], (start_s, end_s), when, changes=changes)
-
-
-def _coverage(verdict: Verdict, judged: list[_JudgedStretch]) -> Coverage:
-    """Return the judged seconds: those of the stretches, where the flight's own are fewer."""
-    sure = [one.stretch for one in judged if one.excludes_loss]
-    seconds, excluded = sum(one.stretch.seconds for one in judged), sum(one.seconds for one in sure)
-    alone = verdict.coverage
-    windows, decidable = max(alone.windows, seconds), max(alone.decidable, seconds)
-    return alone.model_copy(
-        update={
-            "windows": windows,
-            "decidable": decidable,
-            "moving_fraction": round(decidable / windows, 4),
-            "excluded": max(alone.excluded, excluded),
-            "excluded_until_s": sure[-1].end_s if excluded > alone.excluded else alone.excluded_until_s,
-        }
-    )

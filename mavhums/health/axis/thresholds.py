@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Final
 
-# Seconds of flight that make a reference, and the least ones of a minute that are compared with earlier
-# flights: fewer leave the gain too uncertain, more leave fewer to be judged. Development.
+# Seconds of flight that make a reference: fewer leave the gain too uncertain, more leave fewer to be judged.
+# Development.
 REFERENCE_S: Final = 45
 
 # Seconds within which a reference is sought, s: older rows are of another phase of the flight. Development.
@@ -105,10 +105,6 @@ MOST_RATIO: Final = 5.0
 # Relative deviation of the gain of ten seconds. Development: healthy windows scatter by 9 % in calm air.
 WINDOW_DEVIATION: Final = 0.10
 
-# Share of the earlier flights' drive from which a minute is compared with them: less, and gusts dominate.
-# Development.
-DRIVEN_SHARE: Final = 0.5
-
 # Memory of the filter that removes trim, s: longer ones keep phugoid and wind. In pitch a step of thrust or
 # speed changes the elevator's trim for good (docs/method/axes.md).
 SLOW_PART_S: Final = {"roll": 8.0, "pitch": 2.0, "yaw": 8.0, "steering": 8.0}
@@ -167,7 +163,3 @@ FASTEST_ROLL_DEG_S: Final = 45
 # Least rate at which a working elevator raises the nose after a stall, °/s. By hand: a load factor of 1.2 at
 # 22 m/s; what is slower is a lost elevator, or a dive that the pilot wants.
 NOSE_RISES_DEG_S: Final = 5
-
-# Largest ratio of the outputs' rates of two flights whose responses are compared: the gain of pitch at 4 Hz
-# is 0.8 to 1.0 of that at 10 Hz (software in the loop).
-PAST_RATE_RATIO: Final = 3.0

@@ -22,11 +22,11 @@ from mavhums.health.axis.thresholds import (
 from mavhums.health.decision.conditions import since
 from mavhums.health.decision.limits import MOST_CONFIDENCE
 from mavhums.health.decision.thresholds import LASTING_FLIGHTS, NAMED
-from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
+from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.actuator import rounded, rounded_suspects
 from mavhums.health.verdict.obstacles import why_undecided
 from mavhums.results.reasons import Reason, said
-from mavhums.results.verdict import Candidate, Indicator, OwnRecord, Verdict
+from mavhums.results.verdict import Candidate, Indicator, Verdict
 from mavhums.vehicle.flight import Flight
 from mavhums.vehicle.grid import RATE_HZ, Grid
 from mavhums.vehicle.surfaces import STEERING, Surfaces
@@ -137,20 +137,9 @@ def verdict_of_axis(
         limits=findings.limits,
         highest_evidence=None if findings.highest_evidence is None else round(findings.highest_evidence, 2),
         indicators=tuple(indicators(findings)) if comparable else (),
-        own=tuple(_record(findings, flight)) if comparable else (),
         provenance=origin,
         **said(*reasons),
     )
-
-
-def _record(findings: AxisFindings, flight: Flight) -> Iterator[OwnRecord]:
-    """Yield what the flight leaves for the comparison of its response with that of other flights."""
-    response, rate_hz = findings.response, flight.rate_hz("outputs")
-    if response is not None and rate_hz is not None:
-        # A reference needs no times, only its scatter; what is compared with references does.
-        if findings.condition != "undecided":
-            response = response.in_parts(LEAST_PARTS)
-        yield response.record(_SPEEDS[response.source], rate_hz)
 
 
 def _measured(axis: str, flight: Flight, grid: Grid) -> dict[str, str]:
