@@ -12,7 +12,7 @@ import numpy as np
 import mavhums_sim.flight
 from benchmarks._fleet import ACTUATORS, MODES, added, flight
 from mavhums.core.arrays import Array
-from mavhums.health.estimation.equations import DERIVED_EQUATIONS, OWN_EQUATIONS
+from mavhums.health.estimation.equations import OWN_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.flight_sums import KEPT, OwnSums
 from mavhums.health.estimation.least_squares import packed, unpacked
@@ -27,7 +27,7 @@ BLANK = {
     surface: actuator.model_copy(update={"ema": None, "limits": None, "travel_deg": None})
     for surface, actuator in ACTUATORS.items()
 }
-_BY_NAME = {equation.name: equation for equation in (*OWN_EQUATIONS, *DERIVED_EQUATIONS)}
+_BY_NAME = {equation.name: equation for equation in OWN_EQUATIONS}
 _STEP_S = 5e-4  # of the physics: five times as fast as 0.1 ms, and the gear's wind-up still resolved
 _PULSE_DEG = 0.12
 
@@ -53,8 +53,6 @@ TIERS = {
     "motor, 50 Hz, no airspeed": Tier(_BY_NAME["own_current"], 2, airspeed=False),
     "position, 50 Hz": Tier(_BY_NAME["own_tracking"], 2, command=True),
     "position, 25 Hz": Tier(_BY_NAME["own_tracking"], 4, command=True),
-    "lag, 50 Hz": Tier(_BY_NAME["own_lag"], 2, command=True),
-    "lag, 25 Hz": Tier(_BY_NAME["own_lag"], 4, command=True),
 }
 
 

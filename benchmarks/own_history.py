@@ -50,8 +50,6 @@ SCANNED = (
     "motor, 25 Hz",
     "position, 50 Hz",
     "position, 25 Hz",
-    "lag, 50 Hz",
-    "lag, 25 Hz",
 )
 FRICTIONS = (0.02, 0.05, 0.1, 0.2)
 OTHERS = {

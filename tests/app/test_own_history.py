@@ -102,7 +102,7 @@ def test_at_a_bus_the_angle_is_compared_and_without_one_nothing(bus: str, run: R
     [verdict] = [verdict for verdict in assessment.verdicts if verdict.subject == "actuator"]
     if bus == "autopilot":
         assert verdict.condition == "learning"
-        assert [indicator.fault for indicator in verdict.indicators] == ["tracking", "lag"]
+        assert [indicator.fault for indicator in verdict.indicators] == ["tracking"]
     else:
         assert verdict.condition == "undecided"
         assert verdict.reason_codes == ("bus_power",)

@@ -10,17 +10,11 @@ import pytest
 from mavhums.health.actuator import detectors
 from mavhums.health.actuator.detectors import DETECTORS
 from mavhums.health.estimation import equations
-from mavhums.health.estimation.equations import (
-    DERIVED_EQUATIONS,
-    EQUATIONS,
-    OWN_EQUATIONS,
-    STROKE_EQUATIONS,
-    interface,
-)
+from mavhums.health.estimation.equations import EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS, interface
 from tests.present import present
 
 SHARED = {"interface"}
-OWN = (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)
+OWN = (*OWN_EQUATIONS, *STROKE_EQUATIONS)
 
 
 def modules(package: ModuleType) -> set[str]:

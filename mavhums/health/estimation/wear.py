@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import radians
 
 import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.health.estimation.equations import STROKE_EQUATIONS
-from mavhums.health.estimation.equations.own_scale import LAG
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.least_squares import eliminated, unpacked
 from mavhums.health.estimation.thresholds import (
@@ -69,8 +67,6 @@ def mean_load(record: OwnRecord) -> float | None:
     """Return the mean size of the load in motion, in the unit of the left side; None if not recorded."""
     if of_strokes(record):
         return abs(float(np.mean([row[2] for row in record.groups])))
-    if record.equation == LAG.name:
-        return None
     gram = grams_of(record)[1].sum(axis=0)
     return float(gram[_SIGN, _LOADED] / gram[_SIGN, _SIGN]) if gram[_SIGN, _SIGN] > 0.0 else None
 
@@ -80,13 +76,11 @@ def load_direction(record: OwnRecord) -> float:
     return float(np.mean(np.sign([row[2] for row in record.groups])))
 
 
-def _columns(record: OwnRecord) -> tuple[int, tuple[int, ...], tuple[int, ...]]:
-    """Return the wear's column, and the fixed and the free ones."""
+def _columns(record: OwnRecord) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the fixed columns, and the free ones."""
     no_airspeed = record.setup.endswith("no airspeed")
     held, free = ((), (_ANGLE,)) if no_airspeed else ((_LOAD,), ())
-    if record.equation == LAG.name:
-        return _SPEED, (_ACCELERATION, *held), (_SIGN, *free)
-    return _SIGN, (_SPEED, _ACCELERATION, *held), free
+    return (_SPEED, _ACCELERATION, *held), free
 
 
 def information(record: OwnRecord) -> float:
@@ -114,12 +108,12 @@ def learned(records: Sequence[OwnRecord]) -> Nuisances | None:
 
 def _fitted(records: Sequence[OwnRecord], more: tuple[int, ...]) -> Nuisances | None:
     """Return the joint nuisances with ``more`` columns; None if they, or one of these, do not show."""
-    wear, held, free = _columns(records[0])
+    held, free = _columns(records[0])
     held = (*held, *more)
     total = np.zeros((len(KEPT), len(KEPT)))
     for record in records:
         counts, grams = grams_of(record)
-        gram = eliminated(grams.sum(axis=0), [wear, *free])
+        gram = eliminated(grams.sum(axis=0), [_SIGN, *free])
         left = eliminated(gram, held)[_LEFT, _LEFT]
         freedom = counts.sum() - len(counts) - len(held) - 1
         # Each flight by the inverse variance of its residuals: gusts disturb the balance.
@@ -147,7 +141,7 @@ def wear(record: OwnRecord, nuisances: Nuisances | None) -> Wear | None:
     if of_strokes(record):
         return _stroke_wear(record)
     counts, grams = grams_of(record)
-    own, held, free = _columns(record)
+    held, free = _columns(record)
     if nuisances is None:
         free = (*held, *free)
     else:
@@ -156,24 +150,23 @@ def wear(record: OwnRecord, nuisances: Nuisances | None) -> Wear | None:
             grams[:, :, _LEFT] -= coefficient * grams[:, :, column]
     total = grams.sum(axis=0)
     whole = eliminated(total, free)
-    information = whole[own, own]
-    value = whole[own, _LEFT] / information
+    information = whole[_SIGN, _SIGN]
+    value = whole[_SIGN, _LEFT] / information
     # T_c and μ trade: what is compared is the friction at one load.
     at_load = 0.0 if nuisances is None else nuisances.load_friction * nuisances.load
     without = [eliminated(total - gram, free) for gram in grams]
     # Without one part nothing would be left: the jackknife has no value there.
-    if min(rest[own, own] for rest in without) <= 1e-9 * total[own, own]:
+    if min(rest[_SIGN, _SIGN] for rest in without) <= 1e-9 * total[_SIGN, _SIGN]:
         return None
-    others = np.array([rest[own, _LEFT] / rest[own, own] for rest in without])
-    shares = grams[:, own, own]
+    others = np.array([rest[_SIGN, _LEFT] / rest[_SIGN, _SIGN] for rest in without])
+    shares = grams[:, _SIGN, _SIGN]
     # Parts differ in length: so many of equal length are worth the same.
     effective = float(shares.sum() ** 2 / (shares**2).sum())
     jackknife = float(((others - others.mean()) ** 2).sum()) * (len(grams) - 1) / len(grams)
     residual = max(float(whole[_LEFT, _LEFT] - value**2 * information), 0.0)
     independent = residual / max(float(counts.sum()) - len(counts) - 1.0, 1.0) / information
-    error, scale = max(jackknife, independent) ** 0.5, radians(1.0) if own == _SPEED else 1.0
-    # Degrees for each radian per second are no time.
-    return Wear(scale * (float(value) + at_load), scale * error, max(effective - 1.0, 1.0))
+    error = max(jackknife, independent) ** 0.5
+    return Wear(float(value) + at_load, error, max(effective - 1.0, 1.0))
 
 
 def of_strokes(record: OwnRecord) -> bool:

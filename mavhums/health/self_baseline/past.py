@@ -15,7 +15,6 @@ import numpy as np
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
-from mavhums.health.estimation.equations.own_scale import LAG, TRACKING
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.thresholds import NATURAL_SCATTER_SHARE, REFERENCE_FLIGHTS
 from mavhums.health.estimation.wear import grams_of, load_direction, mean_load, of_strokes, shows
@@ -29,11 +28,7 @@ _Numbered = tuple[int, str, OwnRecord]
 
 def record_of(records: Sequence[OwnRecord], name: str) -> OwnRecord | None:
     """Return the record of one equation."""
-    found = next((record for record in records if record.equation == name), None)
-    if found is not None or name != LAG.name:
-        return found
-    sums = record_of(records, TRACKING.name)
-    return sums and sums.model_copy(update={"equation": name})
+    return next((record for record in records if record.equation == name), None)
 
 
 def compared(

@@ -10,9 +10,8 @@ from mavhums.core.statistics import ERRORS_95
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.limits import MOST_CONFIDENCE
 from mavhums.health.decision.thresholds import FALSE_ALARMS, USEFUL_RISE
-from mavhums.health.estimation.equations import DERIVED_EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS
+from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
-from mavhums.health.estimation.equations.own_scale import TRACKING
 from mavhums.health.estimation.wear import mean_load, shows
 from mavhums.health.self_baseline.comparison import Comparison, compare
 from mavhums.health.self_baseline.motor import (
@@ -47,9 +46,7 @@ def compare_with_own_flights(
     """
     compared = _by_equation(verdict, past, false_alarms)
     if compared.condition in _OPEN and compared.worst in _OPEN:
-        deciding = _deciding(verdict)
-        derived = DERIVED_EQUATIONS if deciding and deciding[0] == TRACKING else ()
-        for equation in (*STROKE_EQUATIONS, *derived):
+        for equation in STROKE_EQUATIONS:
             compared = _beside(compared, equation, past, false_alarms)
     return compared
 
@@ -118,7 +115,7 @@ def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: flo
 
 def without_own(verdict: Verdict) -> Verdict:
     """Return a verdict without the indicators and the evidence of own-scale equations."""
-    equations = (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)
+    equations = (*OWN_EQUATIONS, *STROKE_EQUATIONS)
     faults = {*(equation.fault for equation in equations), *MOTOR_FAULTS}
     kinds = {_kind(equation) for equation in equations}
     return verdict.model_copy(

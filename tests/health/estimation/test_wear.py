@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.arrays import Array
-from mavhums.health.estimation.equations.own_scale import CURRENT, LAG, ROUGHNESS
+from mavhums.health.estimation.equations.own_scale import CURRENT, ROUGHNESS
 from mavhums.health.estimation.flight_sums import KEPT
 from mavhums.health.estimation.least_squares import packed
 from mavhums.health.estimation.wear import (
@@ -57,13 +57,12 @@ def test_the_wear_of_strokes_is_their_mean() -> None:
     assert wear(strokes(*[(0.1, 1.0)] * 3), None) is None
 
 
-def test_the_mean_load_is_that_in_motion_and_none_of_a_lag() -> None:
+def test_the_mean_load_is_that_in_motion() -> None:
     gram = np.zeros((len(KEPT), len(KEPT)))
     gram[0, 0], loaded = 10.0, KEPT.index("loaded")
     gram[0, loaded] = gram[loaded, 0] = 25.0
     assert mean_load(parts(gram, gram)) == pytest.approx(2.5)
     assert mean_load(parts(np.zeros_like(gram))) is None
-    assert mean_load(parts(gram).model_copy(update={"equation": LAG.name})) is None
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from mavhums.health.actuator.detectors.electrical import (
 from mavhums.health.actuator.detectors.following import FollowingDetector, JamDetector
 from mavhums.health.actuator.detectors.friction import FrictionDetector
 from mavhums.health.actuator.detectors.gear import BacklashDetector, SensorBiasDetector
-from mavhums.health.estimation.equations import DERIVED_EQUATIONS, OWN_EQUATIONS, STROKE_EQUATIONS
+from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 
 DETECTORS: tuple[type[Detector], ...] = (
     BacklashDetector,
@@ -35,7 +35,7 @@ def to_inspect(fault: str) -> str | None:
     ('gear and linkage for play', 'gearbox, bearings and hinge line')
     """
     parts = {each.fault: each.inspect for each in DETECTORS}
-    parts |= {each.fault: each.inspect for each in (*OWN_EQUATIONS, *STROKE_EQUATIONS, *DERIVED_EQUATIONS)}
+    parts |= {each.fault: each.inspect for each in (*OWN_EQUATIONS, *STROKE_EQUATIONS)}
     return parts.get(fault)
 
 

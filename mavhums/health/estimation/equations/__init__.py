@@ -36,9 +36,6 @@ OWN_EQUATIONS: tuple[OwnEquation, ...] = (
 STROKE_EQUATIONS: tuple[OwnEquation, ...] = (own_scale.TWO_WAYS, own_scale.ROUGHNESS, own_scale.RIPPLE)
 """Of strokes at constant commanded speed: indicators beside the others."""
 
-DERIVED_EQUATIONS: tuple[OwnEquation, ...] = (own_scale.LAG,)
-"""They read the sums of the position error: indicators beside it."""
-
 _GROUPS = 32  # parts of a flight, 16 at least once it is long: their scatter is known to 18 %
 
 

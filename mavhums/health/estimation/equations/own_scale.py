@@ -17,14 +17,10 @@ Position error in motion, for servos that measure only command and angle:
 
 A proportional controller has a position error that grows with friction; play and a warm or worn winding
 have the same effect, and integral action hides all of them. A change is therefore reported as a change of
-tracking, without a cause. What follows the speed is the controller's lag, with e free in each flight:
-
-    V1 - V3 = lag·w + e·sgn(w) + J·dw/dt + h·q·d + o
+tracking, without a cause.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
@@ -108,17 +104,6 @@ TRACKING = OwnEquation(
     speed=_angle_speed,
     by_activity=True,
     blurs=True,  # a servo without power or torque falls behind by whole degrees, now more and now less
-)
-
-LAG = replace(
-    TRACKING,
-    name="own_lag",
-    fault="lag",
-    quantity="lag in motion",
-    unit="s",
-    inspect="the servo's controller, its settings and its supply",
-    cause="a servo that answers more slowly: friction, play and winding leave its lag as it is",
-    by_activity=False,  # the lag of a linear controller, whose grave change would calm the shaft
 )
 
 TWO_WAYS = OwnEquation(
