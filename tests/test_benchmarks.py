@@ -43,7 +43,6 @@ class Small(NamedTuple):
 
 SENSORS = {"TELEMETRY": {"sensors": None}}
 SHEET = {"PROFILES": {"0.0": "load_friction = 0.0"}, "PAPER_FRICTION_NM": (0.225, 1.025)}
-SHAKEN = {"HEALTHY": 1, "HISTORIES": (10,), "SOURCES": {"1 kHz": 1000.0}}
 OWN = {"FLIGHTS_BEFORE": 20, "FRICTIONS": (0.02, 0.2), "OTHERS": {"torque_constant": 0.15}}
 BASELINES = {"_against_baseline.RATES_HZ": (100.0,), "_against_baseline.CLEAR": {"resistance": 0.15}}
 WINDOWS, ALARMS = ("windows answered",), ("alarms over promised",)  # columns that no small run measures
@@ -102,7 +101,6 @@ RUNS: dict[str, list[Small]] = {
             "--faults 1 --hours 0.1", {"LOSSES": (1.0, 0.3)}, {"| lost thrust": Cells(labels=2, factor=4.0)}
         )
     ],
-    "unbalance": [Small("--craft 1", SHAKEN, {"| samples": Cells(labels=2)})],
     "networks": [
         Small("--part cards", {}, {"| network | inputs": Cells(labels=2, factor=1.01)}, slow=False),
         Small(

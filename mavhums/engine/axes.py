@@ -22,7 +22,7 @@ from mavhums.vehicle.formats.base import FactReport
 from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
 from mavhums.vehicle.rotors import ROTOR_PARAMETERS
-from mavhums.vehicle.signals import SignalReader, fast_forces
+from mavhums.vehicle.signals import SignalReader
 from mavhums.vehicle.vtol import VTOL_PARAMETERS
 
 _FUNCTIONS: Final = (*OUTPUT_PARAMETERS, *VTOL_PARAMETERS, *ROTOR_PARAMETERS)
@@ -111,13 +111,9 @@ class Axes:
         for vehicle, esc, time_us, speeds in esc_speeds(tables):
             time_s = (time_us - start_us) / 1e6
             if vehicle in self._vehicles:
-                self._vehicles[vehicle].motors.hear_speed(esc, time_s, speeds)
+                self._vehicles[vehicle].motors.speeds.hear(esc, time_s, speeds)
             if admits(vehicle):
                 self._events.of(vehicle).hear_source(f"ESC {esc + 1}", time_s)
-        for vehicle, source, time_us, force in fast_forces(tables):
-            if vehicle in self._vehicles:
-                time_s = (time_us - start_us) / 1e6
-                self._vehicles[vehicle].motors.vibration.hear_force(source, time_s, force)
         for vehicle, axes in self._vehicles.items():
             yield from axes.feed(by_vehicle.get(vehicle, ()), final=final)
 

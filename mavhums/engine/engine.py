@@ -50,7 +50,7 @@ from mavhums.vehicle.identity import (
     date_shift_us,
 )
 from mavhums.vehicle.reported import FAULT_MESSAGES, RAIL_MESSAGES, SAGS_SHARE, ServoRails
-from mavhums.vehicle.signals import FAST_FORCE_MESSAGES, SIGNAL_MESSAGES
+from mavhums.vehicle.signals import SIGNAL_MESSAGES
 from mavhums.vehicle.states import (
     MODE_MESSAGES,
     STATE_MESSAGES,
@@ -99,7 +99,7 @@ class Engine:
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
         wanted |= AIRSPEED_MESSAGES | RAIL_MESSAGES | FAULT_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else MODE_MESSAGES
-        wanted |= SIGNAL_MESSAGES | FAST_FORCE_MESSAGES
+        wanted |= SIGNAL_MESSAGES
         self._events = FlightEvents()
         self._axes = Axes(airframe, self._events, options)
         self._states = VehicleStates(modes_only=not options.vehicle_states)

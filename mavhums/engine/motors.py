@@ -7,11 +7,9 @@ from datetime import datetime
 from math import inf
 from typing import TYPE_CHECKING, Final
 
-from mavhums.core.arrays import Array
 from mavhums.engine.options import EngineOptions
 from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.motor.speeds import EscSpeeds
-from mavhums.health.motor.vibration import RotorVibration
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Verdict
@@ -47,14 +45,12 @@ class VehicleMotors:
         The motors by the parameters; why they are not known; None if it is not known to be a multirotor.
     speeds
         The speeds that its ESCs report.
-    vibration
-        How its rotors shake it.
     """
 
     def __init__(self, vehicle: int, options: EngineOptions) -> None:
         self._vehicle, self._options = vehicle, options
         self.by_parameters: Rotors | Reason | None = None
-        self.speeds, self.vibration = EscSpeeds(), RotorVibration()
+        self.speeds = EscSpeeds()
         self._monitor: MotorMonitor | None = None
         self._early: list[Seconds] = []
         self._began_s: int | None = None
@@ -70,11 +66,6 @@ class VehicleMotors:
         """Whether they alone carry the vehicle."""
         return isinstance(self.rotors, Rotors) and not self.rotors.lift
 
-    def hear_speed(self, esc: int, time_s: Array, rpm: Array) -> None:
-        """Take the speeds of one ESC, from 0, rev/min."""
-        self.speeds.hear(esc, time_s, rpm)
-        self.vibration.hear_speed(esc, time_s, rpm)
-
     def feed(self, seconds: Seconds, phases: PhaseRows) -> Iterator[ConditionChanged | Trace]:
         """Take settled seconds and the phases in them; yield the changes of condition."""
         rotors = self.by_parameters
@@ -84,7 +75,7 @@ class VehicleMotors:
             self._monitor = MotorMonitor(
                 self._vehicle,
                 rotors,
-                (self.speeds, self.vibration),
+                self.speeds,
                 self._options.false_alarms,
                 traced=self._options.vehicle_states,
             )
@@ -99,7 +90,6 @@ class VehicleMotors:
             self._began_s = int(seconds.index[0])
         first_s = int(seconds.index[-1]) - _EARLY_S - _LATE_S
         self.speeds.forget(2 * first_s, inf)
-        self.vibration.forget(first_s)
         kept = int((seconds.index < self._began_s + _EARLY_S).sum())  # however the log is cut into blocks
         if kept:
             self._early.append(seconds.part(0, kept))

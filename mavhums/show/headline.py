@@ -190,8 +190,6 @@ def _what(verdict: Verdict) -> str:
         first = _FIRST.search(thrust.rule)
         which = f" failed, {first[1]} first: it" if first else ""
         return f"{which} lost {100 - kept_percent(verdict, thrust)} % of its thrust"
-    if "unbalance" in kinds:
-        return ": its rotor is out of balance"
     if verdict.subject == "actuator":
         return _of_actuator(verdict, kinds)
     axis, left = verdict.actuator, kinds.get("effectiveness")

@@ -17,7 +17,7 @@ LOSS: Final = percent(1.0 - NORMAL_EFFECTIVENESS)
 _WIDEST: Final = 1.0
 """A 95 % interval wider than the whole control effectiveness says nothing about it."""
 
-_SAID_BY_RULE: Final = ("effectiveness", "slow", "hard_over", "tracking", "thrust", "speed", "unbalance")
+_SAID_BY_RULE: Final = ("effectiveness", "slow", "hard_over", "tracking", "thrust", "speed")
 """Kinds of findings whose rule contains the value."""
 
 _WITHOUT_EFFECTIVENESS: Final = {

@@ -78,7 +78,6 @@ REPORTS: Final[Mapping[str, str]] = {
     "autopilot faults": "the same",
     "servo rail": "voltage of the rail that feeds the servos, V; (n, 1)",
     "named value": "name of a value that a script or the autopilot sends; text (n,)",
-    "fast force": "µs from the record to the sample, and specific force as in ``force``; (n, 4)",
     "script value": "name of a number that a script sends and a profile can map; text (n,)",
 }
 """Facts that are no signals, with the meaning and the shape of their values."""

@@ -265,33 +265,3 @@ def body_rates(before: Array, after: Array, step_s: float) -> Array:
         ],
         axis=1,
     )
-
-
-FAST_FORCE_MESSAGES: Final = messages_of("fast force")
-"""Messages of any format that carry the specific force faster than the streams do."""
-_MOST_DELAY_US: Final = 60e6  # between a sample and its record: more is damage
-
-
-class FastForce(NamedTuple):
-    """Specific force of one vehicle: message, microseconds of UTC, (n,), and m/s², (n, 3)."""
-
-    vehicle: int
-    source: str
-    time_us: Integers
-    values: Array
-
-
-def fast_forces(tables: Mapping[str, Table]) -> Iterator[FastForce]:
-    """Yield the specific force in these messages that no stream carries.
-
-    Examples
-    --------
-    >>> [*fast_forces({})]
-    []
-    """
-    for vehicle, report in by_vehicle(tables, "fast force"):
-        delay_us, force = np.split(report.values, [1], axis=1)
-        known = np.isfinite(force).all(axis=1) & (np.abs(delay_us[:, 0]) < _MOST_DELAY_US)
-        if known.any():
-            time_us = report.table.time_us[known] + delay_us[known, 0].astype(np.int64)
-            yield FastForce(vehicle, report.table.name, time_us, force[known])

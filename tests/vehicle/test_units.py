@@ -134,13 +134,10 @@ FACTS: tuple[tuple[str, dict[str, Any], str, Any], ...] = (
     (DETECTOR, DETECTED | {"motor_failure_mask": 0b100}, "autopilot faults", [0b01100]),
     ("system_power", {"brick_valid": 0, "servo_valid": 1, "periph_5v_oc": 1}, "supply faults", [0b101]),
     ("system_power", {"hipower_5V_OC": 1}, "supply faults", [0b1000]),
-    ("ACC", {"I": 0, "TimeUS": 1500, "SampleUS": 1400, "AccX": 1.0, "AccY": 2.0, "AccZ": 3.0},
-     "fast force", [-100, 1, 2, 3]),
     # PX4's topics: SI units; angles as quaternions, z down
     ("vehicle_attitude", {"q": [HALF, HALF, 0.0, 0.0]}, "attitude", [QUARTER, 0, 0]),
     ("vehicle_attitude", {"q": [HALF, 0.0, 0.0, HALF]}, "attitude", [0, 0, QUARTER]),
     ("vehicle_attitude", {"q": [0.5, 0.5, 0.5, 0.5]}, "attitude", [QUARTER, 0, QUARTER]),
-    ("sensor_combined", {"accelerometer_m_s2": [1.0, 2.0, 3.0]}, "fast force", [0, 1, 2, 3]),
     *(("airspeed_validated", SPED | sensor, "airspeed", [17])
       for sensor in ({}, {"selected_airspeed_index": 1}, {"airspeed_source": 3})),
     *(("airspeed", SPED, name, [17]) for name in ("airspeed", "sensed airspeed")),

@@ -22,7 +22,6 @@ from mavhums.health.motor.thresholds import (
     BOUND_SHARE,
     EMERGENCY_LOSS,
 )
-from mavhums.health.motor.vibration import RotorVibration
 from mavhums.results.verdict import Indicator, Interval
 from mavhums.vehicle.grid import RATE_HZ, SHOWN_EVERY, Seconds
 from mavhums.vehicle.phases import PhaseRows
@@ -178,8 +177,8 @@ class MotorMonitor:
         System id.
     rotors
         Its motors.
-    heard
-        The speeds that its ESCs report, and how its rotors shake it.
+    speeds
+        The speeds that its ESCs report; none if omitted.
     false_alarms
         Accepted number of false alarms in 100 hours.
     traced
@@ -190,7 +189,7 @@ class MotorMonitor:
         self,
         vehicle: int,
         rotors: Rotors,
-        heard: tuple[EscSpeeds, RotorVibration] | None = None,
+        speeds: EscSpeeds | None = None,
         false_alarms: float = FALSE_ALARMS,
         *,
         traced: bool = False,
@@ -200,8 +199,7 @@ class MotorMonitor:
         self._rules, self._hypotheses = evidence.rules_for(false_alarms), hypotheses_of(len(rotors.servos))
         self._state = evidence.new_state(len(rotors.servos))
         self._trims = Trims(rotors.columns)
-        speeds, self._vibration = heard or (EscSpeeds(), RotorVibration())
-        self._speeds = SpeedsBesideThrust(speeds, rotors.servos)
+        self._speeds = SpeedsBesideThrust(speeds or EscSpeeds(), rotors.servos)
         self._loss: ThrustLoss | None = None
         self._withdrawn: tuple[ThrustLoss, float] | None = None
         self._several: tuple[int, ...] = ()
@@ -243,7 +241,6 @@ class MotorMonitor:
             second = first + row // RATE_HZ
             settled = np.asarray(found[rows, 6] > 0.0)
             self._trims.add(thrusts[rows], settled)
-            self._vibration.add(second, settled)
             yield from self._withdraw(second + 1.0)
             for at in (row + np.flatnonzero(found[rows, 0])).tolist():
                 yield from self._alarm(first + at / RATE_HZ, float(spacing[at]), found[at])
@@ -364,15 +361,8 @@ class MotorMonitor:
             bound=tuple(bound.tolist()),
             cause=self._speeds.cause(self._loss.motor - 1, self._loss.since_s) if self._loss else None,
             withdrawn=self._withdrawn,
-            indicators=tuple(
-                (*self._trims.of_motor(motor), *shaking) for motor, shaking in enumerate(self._shaking())
-            ),
+            indicators=tuple(map(self._trims.of_motor, range(len(self.rotors.servos)))),
         )
-
-    def _shaking(self) -> list[tuple[Indicator, ...]]:
-        """Return what the speed that each motor's ESC reports shows of its vibration."""
-        escs, how = self._speeds.escs()
-        return self._vibration.indicators(escs) if how else [()] * len(self.rotors.servos)
 
 
 def condition_of(share: Interval) -> Condition:

@@ -160,10 +160,6 @@ class SpeedsBesideThrust:
         words = f"{words} (ESC {escs[motor]}, {how})" if words else ""
         return SpeedCause(ratio, bins[0] * _BIN_S, (bins[-1] + 1) * _BIN_S, words) if words else None
 
-    def escs(self) -> tuple[list[int], str]:
-        """Return the ESC of each motor, and how it is known; an empty text where it is not."""
-        return self._matched(sum((self._paired(one) for one in sorted(self._asked)), self._pairs))
-
     def _matched(self, sums: Array) -> tuple[list[int], str]:
         """Return the ESC of each motor, and how it is known: by the flight, else by its number."""
         numbered = self._heard.escs_of(self._servos)

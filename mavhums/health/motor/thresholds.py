@@ -82,6 +82,3 @@ TRIM_SCATTER_PER_MOTOR: Final = 0.011
 of quads, hexas and octas."""
 LEAST_TRIM_CHANGE: Final = 0.15
 """Least change of a motor's thrust that is reported: a battery moved by a centimetre makes 0.1."""
-UNBALANCE_SCATTER: Final = 0.3
-"""Scatter of a rotor's unbalance between flights, by its mean: the level of vibration of one real quad with
-whole propellers scatters by 0.2 between three flights; no log at hand has that of a rotor."""

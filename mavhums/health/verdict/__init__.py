@@ -9,7 +9,6 @@ from typing import Final
 
 from mavhums.core.conditions import Condition
 from mavhums.health.axis import detectors as axis_detectors
-from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import Candidate, Verdict
 from mavhums.vehicle.reported import Sag
@@ -75,8 +74,6 @@ def with_advice(verdict: Verdict) -> Verdict:
         told = next((item.rule.rpartition(": ")[2] for item in verdict.evidence if item.kind == "speed"), "")
         before = "motor, ESC and wiring"
         chain = f"propeller, {before}" if not told else before if "the ESC" in told else "propeller"
-        if any(item.kind == UNBALANCE for item in verdict.evidence):
-            chain = "propeller, its hub and the bearings"
         chain = f"the {chain} of {verdict.actuator}"
         advice = _BY_CONDITION[verdict.gravest].format(parts=chain)
         if verdict.gravest == "emergency":

@@ -15,15 +15,13 @@ from math import ceil, exp
 from types import MappingProxyType
 from typing import Final
 
-import numpy as np
-
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.core.statistics import t_quantile
 from mavhums.health.decision.baseline import Baseline, ComparedIndicator, with_baselines
 from mavhums.health.decision.conditions import since
 from mavhums.health.decision.evidence import Departure, with_departures
 from mavhums.health.decision.limits import MOST_CONFIDENCE
-from mavhums.health.decision.thresholds import MOST_BANK_DEG, MOST_FLIGHT_TAIL, NORMAL_S, USEFUL_RISE
+from mavhums.health.decision.thresholds import MOST_BANK_DEG, MOST_FLIGHT_TAIL, NORMAL_S
 from mavhums.health.motor.monitor import TRIM, TRIM_YAW, MotorFindings, ThrustLoss, condition_of
 from mavhums.health.motor.speeds import SpeedCause
 from mavhums.health.motor.thresholds import (
@@ -32,9 +30,7 @@ from mavhums.health.motor.thresholds import (
     LEAST_TRIM_CHANGE,
     MOST_EXCLUDED,
     TRIM_SCATTER_PER_MOTOR,
-    UNBALANCE_SCATTER,
 )
-from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.obstacles import beside, unjudged, without
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import MOTORS, Coverage, Evidence, Interval, Suspect, Verdict
@@ -225,14 +221,6 @@ def compare_motors(
             one, yaw = trims[most], _beside(compared[most], known[most], TRIM_YAW, float(BETWEEN_FLIGHTS[2]))
             if one.difference >= LEAST_TRIM_CHANGE and one.ratio > t_quantile(one.freedom, tail):
                 compared[most] = judged(compared[most], _of_trim(one, yaw, tail))
-        growths = {k: found for k in places if (found := _shaken(compared[k], known[k]))}
-        for k, growth in growths.items():
-            others = [other.times for place, other in growths.items() if place != k]
-            # What shakes the sensor more than before, whichever rotor turns, is none of the rotors.
-            usual = max(float(np.median(others)), 1.0) if others else 1.0
-            more, error = growth.times / usual - 1.0, growth.error / growth.baseline.mean
-            if more >= USEFUL_RISE and more > error * t_quantile(growth.freedom, tail):
-                compared[k] = judged(compared[k], _of_unbalance(growth, usual))
     return compared
 
 
@@ -245,14 +233,6 @@ def _beside(
     return ComparedIndicator.of(shown, known.pooled(scatter)) if shown and known else None
 
 
-def _shaken(verdict: Verdict, baselines: Mapping[str, Baseline]) -> ComparedIndicator | None:
-    """Return the unbalance of a motor's rotor beside earlier flights; its scatter grows with it."""
-    known = baselines.get(UNBALANCE)
-    if known is None or known.mean <= 0.0:
-        return None
-    return _beside(verdict, baselines, UNBALANCE, UNBALANCE_SCATTER * known.mean)
-
-
 def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None, tail: float) -> Departure:
     cause = "a worn propeller or motor"
     if yaw is None or yaw.ratio < t_quantile(yaw.freedom, tail):
@@ -262,16 +242,6 @@ def _of_trim(one: ComparedIndicator, yaw: ComparedIndicator | None, tail: float)
         f"{one.baseline.flights} earlier flights, from the start on: {cause}"
     )
     return Departure("thrust", "degraded", one.difference, LEAST_TRIM_CHANGE, rule, MOST_CONFIDENCE)
-
-
-def _of_unbalance(one: ComparedIndicator, usual: float) -> Departure:
-    beside = f", the other rotors {usual:.1f} times" if usual >= 1.05 else ""
-    rule = (
-        f"degraded: its rotor shakes the aircraft {one.times:.1f} times as much as in "
-        f"{one.baseline.flights} earlier flights{beside}: its propeller or its bearing"
-    )
-    limit = float(f"{one.baseline.mean * (1.0 + USEFUL_RISE) * usual:.4g}")
-    return Departure(UNBALANCE, "degraded", one.indicator.value.estimate, limit, rule, MOST_CONFIDENCE)
 
 
 def _judged(verdict: Verdict, found: Departure, start_utc: datetime, end_s: float) -> Verdict:

@@ -105,11 +105,6 @@ def _parameters(table: Table) -> NDArray[Any]:
     return records_of_parameters(table["Name"], bits, _REAL32)
 
 
-def _delay_us(table: Table) -> Array:
-    """Return how long before its record a sample was taken, negative, µs."""
-    return (table["SampleUS"].astype(np.float64) - table["TimeUS"].astype(np.float64))[:, None]
-
-
 _LANDINGS: Final = {18: ON_GROUND, 28: IN_AIR}  # of events: landed, not landed
 
 
@@ -181,13 +176,6 @@ SOURCES: Final = (
     Source("supply faults", "POWR", {"Flags": 1}, lambda t: supply_faults(whole("Flags")(t))),
     plain("servo rail", "POWR", "VServo"),
     Source("named value", "NVF", {"Name": TEXT}, lambda t: t["Name"]),
-    Source(
-        "fast force",
-        "ACC",
-        dict.fromkeys(("TimeUS", "SampleUS", "AccX", "AccY", "AccZ"), 1),
-        lambda t: np.hstack([_delay_us(t), columns(t, "AccX", "AccY", "AccZ")]),
-        _first_sensor,
-    ),
 )
 
 # Servo telemetry

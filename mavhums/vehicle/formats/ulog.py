@@ -184,12 +184,6 @@ SOURCES: Final = (
     _vector("rates", "sensor_combined", "gyro_rad"),
     _vector("rates", "vehicle_angular_velocity", "xyz"),
     _vector("force", "sensor_combined", "accelerometer_m_s2"),
-    Source(
-        "fast force",
-        "sensor_combined",
-        {"accelerometer_m_s2": 3},
-        lambda table: np.pad(table["accelerometer_m_s2"].astype(np.float64), ((0, 0), (1, 0))),
-    ),
     Source("attitude", "vehicle_attitude", {"q": 4}, lambda t: angles_of(t["q"])),
     plain("rates", "vehicle_attitude", "rollspeed", "pitchspeed", "yawspeed"),
     Source("demand", "vehicle_attitude_setpoint", {"q_d": 4}, lambda t: angles_of(t["q_d"])[:, :2]),

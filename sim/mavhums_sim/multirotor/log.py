@@ -14,8 +14,8 @@ from mavhums_sim.closed_loop.encode import encode
 from mavhums_sim.closed_loop.tables import Table, boot_ms, boot_us, text_rows, whole
 from mavhums_sim.dataflash import gps, records, write_records
 from mavhums_sim.link import EPOCH_US, Link
+from mavhums_sim.multirotor.escs import esc_records, rotor_rpm
 from mavhums_sim.multirotor.flight import LOGGED_HZ, Flown
-from mavhums_sim.multirotor.vibration import esc_records, raw_records, rotor_rpm
 
 Array = NDArray[np.float64]
 
@@ -39,14 +39,13 @@ _ARMED_S, _STANDS_S = 5.0, 12.0
 
 
 class Rates(NamedTuple):
-    """Rates of the streams, Hz; 0 for none: ``raw`` of the accelerometer on board."""
+    """Rates of the streams, Hz; 0 for none."""
 
     outputs: float = 10.0
     attitude: float = 10.0
     imu: float = 10.0
     position: float = 4.0
     esc: float = 0.0
-    raw: float = 0.0
 
 
 def pulses(command: Array) -> Array:
@@ -167,14 +166,8 @@ def write_dataflash(
     path: Path,
     rates: Rates | None = None,
     seed: int = 0,
-    *,
-    unbalance_um: Array | None = None,
-    day: float = 0.0,
 ) -> None:
     """Write a flight's ``.BIN`` atomically; the flight begins after 12 s on the ground.
-
-    ``unbalance_um`` is that of each rotor (:mod:`~mavhums_sim.multirotor.vibration`), ``day`` the day after
-    2026-01-01.
 
     Raises
     ------
@@ -190,14 +183,10 @@ def write_dataflash(
         records("MSG", start, Message=_SOFTWARE.encode()),
         records("MODE", start, Mode=_LOITER, ModeNum=_LOITER, Rsn=1),
         records("STAT", seconds, isFlying=seconds >= _STANDS_S, Armed=seconds >= _ARMED_S),
-        gps(seconds, EPOCH_US + round(day * 86_400e6)),
+        gps(seconds, EPOCH_US),
     ]
-    unbalance = np.zeros(flown.craft.gains.size) if unbalance_um is None else unbalance_um
-    fast = [raw_records(flown, unbalance, rates.raw, seed)] if rates.raw else []
-    fast += esc_records(flown, rates.esc, seed) if rates.esc else []
-    for kind in fast:
-        for field in {"TimeUS", "SampleUS"} & {*(kind.rows.dtype.names or ())}:
-            kind.rows[field] += np.uint64(round(_STANDS_S * 1e6))
+    for kind in esc_records(flown, rates.esc, seed) if rates.esc else []:
+        kind.rows["TimeUS"] += np.uint64(round(_STANDS_S * 1e6))
         kinds.append(kind._replace(time_s=kind.time_s + _STANDS_S))
     time_s, rows = sampled(rng, log, rates.outputs)
     sent_us = pulses(log.command[rows])

@@ -12,12 +12,10 @@ from hypothesis import strategies as st
 from mavhums.core.arrays import Array
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.motor.monitor import TRIM, Trims
-from mavhums.health.motor.vibration import UNBALANCE
-from mavhums.health.verdict import with_advice
 from mavhums.health.verdict.motor import compare_motors
 from mavhums.results.verdict import Coverage, Verdict
 from mavhums.vehicle.grid import RATE_HZ
-from tests.health.builders import indicator, verdict
+from tests.health.builders import verdict
 from tests.health.motor.test_monitor import rotors
 
 COLUMNS = rotors("quad x").columns
@@ -83,65 +81,3 @@ def test_the_trim_does_not_depend_on_how_the_log_is_cut(cuts: list[int]) -> None
         parts.add(thrusts[a * RATE_HZ : b * RATE_HZ], flown[a * RATE_HZ : b * RATE_HZ])
     assert parts.of_motor(2) == whole.of_motor(2)
     assert whole.of_motor(2)[0].fault == TRIM
-
-
-def shaking(radii: list[float], *, error: float = 0.01) -> list[Verdict]:
-    """Return the verdicts on a flight whose rotors are out of balance by so many micrometres."""
-    flown = flight(FLAT)
-    for k, (one, radius) in enumerate(zip(flown, radii, strict=True)):
-        known = {"unit": "µm", "scatter": 3 * error * radius, "needed_flights": 3}
-        unbalance = indicator(UNBALANCE, radius, 1.96 * error * radius, **known)
-        flown[k] = one.model_copy(update={"indicators": (*one.indicators, unbalance)})
-    return flown
-
-
-RADII = [6.0, 8.0, 5.0, 9.0]
-
-
-def before(flights: int, scatter: float = 0.05) -> list[list[Verdict]]:
-    rng = np.random.default_rng(3)
-    return [shaking([*(np.array(RADII) * np.exp(rng.normal(0, scatter, 4)))]) for _ in range(flights)]
-
-
-@pytest.mark.parametrize("motor", range(4))
-@pytest.mark.parametrize(("flights", "times"), [(3, 3.0), (20, 1.8)])
-def test_a_rotor_that_shakes_more_than_before_is_named(motor: int, flights: int, times: float) -> None:
-    radii = [radius * (times if k == motor else 1.0) for k, radius in enumerate(RADII)]
-    told = compared(shaking(radii), before(flights))
-    assert [one.condition == "degraded" for one in told] == [k == motor for k in range(4)]
-    [evidence] = told[motor].evidence
-    assert f"in {flights} earlier flights: its propeller or its bearing" in evidence.rule
-    assert evidence.value == pytest.approx(radii[motor])
-    assert evidence.limit == pytest.approx(1.5 * RADII[motor], rel=0.1)
-    assert told[motor].suspects[0].fault == UNBALANCE
-    assert "the propeller, its hub and the bearings" in (with_advice(told[motor]).advice or "")
-
-
-@pytest.mark.parametrize(
-    ("radii", "flights", "scatter"),
-    [
-        ([6.0, 8.0, 5.0, 27.0], 2, 0.05),  # two flights are no baseline
-        ([6.0, 8.0, 5.0, 17.0], 3, 0.05),  # three do not say what is usual
-        ([6.0, 8.0, 5.0, 13.0], 20, 0.05),  # less than half more
-        ([6.0, 8.0, 5.0, 15.0], 20, 0.5),  # as in some flights before
-        ([18.0, 24.0, 15.0, 30.0], 20, 0.05),  # all of them: the sensor's mount
-    ],
-)
-def test_what_earlier_flights_do_not_exclude_is_no_finding(
-    radii: list[float], flights: int, scatter: float
-) -> None:
-    assert {v.condition for v in compared(shaking(radii), before(flights, scatter))} == {"normal"}
-
-
-def test_a_rotor_that_lost_thrust_and_shakes_has_both_findings() -> None:
-    past = [
-        [one.model_copy(update={"indicators": (*one.indicators, other.indicators[2])}) for one, other in pair]
-        for pair in (zip(a, b, strict=True) for a, b in zip(earlier(), before(4), strict=True))
-    ]
-    flown = [
-        one.model_copy(update={"indicators": (*one.indicators, other.indicators[2])})
-        for one, other in zip(flight(FLAT, lost=2, share=0.3), shaking([6.0, 8.0, 20.0, 9.0]), strict=True)
-    ]
-    told = compared(flown, past)
-    assert [one.condition == "degraded" for one in told] == [False, False, True, False]
-    assert [item.kind for item in told[2].evidence] == ["thrust", UNBALANCE]

@@ -14,7 +14,6 @@ from mavhums.core.conditions import Condition
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.motor.monitor import TRIM, TRIM_YAW, MotorFindings, ThrustLoss
 from mavhums.health.motor.speeds import SpeedCause
-from mavhums.health.motor.vibration import UNBALANCE
 from mavhums.health.verdict.motor import compare_motors, verdicts_of_motors
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Coverage, Evidence, Interval, Verdict
@@ -162,19 +161,6 @@ def test_the_motor_with_the_largest_change_is_worn_if_it_is_certain() -> None:
     assert (worn_one.worst, worn_one.reason, worn_one.suspects[0].fault) == ("degraded", None, "thrust")
     assert worn_one.suspects[0].confidence == 0.99
     assert present(worn_one.since).utc == START.isoformat()
-
-
-def test_an_unbalance_counts_beyond_how_flights_scatter() -> None:
-    """Its own five flights scatter by a fifth; those of others by 0.3."""
-    fault, least = UNBALANCE, 1.009
-    known = {fault: Baseline(mean=1.0, error=0.01, flights=FLIGHTS, between=0.2, spread=0.2)}
-    for rise, worn in ((0.99 * least, "normal"), (1.01 * least, "degraded")):
-        flown = [
-            one.model_copy(update={"indicators": (indicator(fault, 1.0 + rise * (k == 2)),)})
-            for k, one in enumerate(compared([0.0] * 4))
-        ]
-        found = compare_motors(flown, lambda _: known, start_utc=START, end_s=100.0)
-        assert [one.condition for one in found] == ["normal", "normal", worn, "normal"]
 
 
 @pytest.mark.parametrize(("yaw", "weight"), [(0.054, True), (0.057, False)])
