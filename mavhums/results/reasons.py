@@ -140,7 +140,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "keep its flights: mavhums analyse LOG --keep"),
     "own_unchanged": (
         "{quantity} within ±{half:.0%} of its first {flights} flights (a rise of {rise:.0%} would have been "
-        f"found{{rate}}){_NO_LIMIT}",
+        f"found){_NO_LIMIT}",
         ""),
     "own_changed": (f"{{quantity}} {{change}}: {{cause}}{_NO_LIMIT}", "inspect {inspect}"),
     "own_constant": (f"torque constant {{lost:+.0%}}; the {{quantity}} follows from it{_NO_LIMIT}",

@@ -71,10 +71,6 @@ MOST_BANK_DEG: Final = 60
 # nobody recorded on the list for longer.
 LASTING_FLIGHTS: Final = 5
 
-# Rise of a wear that is worth finding: beyond it, a comparison of a servo says at which rate of false alarms
-# it would be found. By hand.
-USEFUL_RISE: Final = 0.5
-
 # Share of a stream that comes too late, or of values that no such actuator can have, from which a reason
 # names it: below, verdicts hardly change. By hand.
 NAMED_SHARE: Final = 0.2

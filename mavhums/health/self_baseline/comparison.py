@@ -12,10 +12,10 @@ import numpy as np
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import Condition
-from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, t_probability, t_quantile
+from mavhums.core.statistics import CENTRAL_95, NORMAL_95_ONE_SIDED, t_quantile
 from mavhums.health.decision.baseline import PastRecord
-from mavhums.health.decision.limits import tail_of, tail_of_flight
-from mavhums.health.decision.thresholds import FALSE_ALARMS, HORIZON_FLIGHTS, MOST_FLIGHT_TAIL, USEFUL_RISE
+from mavhums.health.decision.limits import tail_of_flight
+from mavhums.health.decision.thresholds import FALSE_ALARMS, HORIZON_FLIGHTS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.random_effects import (
     CommonError,
@@ -24,7 +24,7 @@ from mavhums.health.estimation.random_effects import (
     satterthwaite,
     scattering_share,
 )
-from mavhums.health.estimation.thresholds import LEAST_PARTS, WINDOW_S
+from mavhums.health.estimation.thresholds import LEAST_PARTS
 from mavhums.health.estimation.wear import (
     Nuisances,
     Wear,
@@ -67,9 +67,6 @@ class Comparison:
         Reason of a second baseline.
     load
         Load at which the quantity is told, in its unit; None where it does not grow with the load.
-    useful_at
-        False alarms per 100 hours that this flight would have to allow for a rise of ``USEFUL_RISE`` to be
-        detected with 95 % probability; None where the allowed number does, infinity where none does.
     """
 
     condition: Condition
@@ -82,7 +79,6 @@ class Comparison:
     since: Onset | None = None
     why: str = ""
     load: float | None = None
-    useful_at: float | None = None
 
 
 def compare(
@@ -131,7 +127,6 @@ def _compare(
     if beyond := healthy.beyond(own):
         return _compare(equation, own, past, false_alarms, (*outside, beyond))
     rise, bound, found = healthy.rise(own_wear, own, false_alarms)
-    least_rise = found / abs(healthy.mean(own))
     return Comparison(
         condition="changed" if rise > bound else "unchanged",
         value=_interval(own_wear),
@@ -139,8 +134,7 @@ def _compare(
         needed=equation.min_flights,
         baseline=healthy.prediction(own),
         change=healthy.relative(own_wear, own),
-        least_rise=least_rise,
-        useful_at=healthy.alarms_at(USEFUL_RISE, own_wear, own) if least_rise > USEFUL_RISE else None,
+        least_rise=found / abs(healthy.mean(own)),
         since=healthy.since(islice(after, HORIZON_FLIGHTS), false_alarms) if rise > bound else None,
         load=healthy.load,
     )
@@ -205,14 +199,6 @@ class _ReferenceFlights:
         tail = tail_of_flight(false_alarms, record.duration_s)
         bound = t_quantile(freedom, 1.0 - tail) * error
         return self.sign * (own_wear.value - self.mean(record)), bound, bound + NORMAL_95_ONE_SIDED * error
-
-    def alarms_at(self, rise: float, own_wear: Wear, record: OwnRecord) -> float:
-        """Return the false alarms per 100 hours at which a relative rise would be detected."""
-        error, freedom = self._error(own_wear, record)
-        bound = rise * abs(self.mean(record)) - NORMAL_95_ONE_SIDED * error
-        tail = 1.0 - t_probability(freedom, bound / error)
-        windows = max(record.duration_s / WINDOW_S, 1.0)
-        return tail / tail_of(1.0) / windows if tail <= MOST_FLIGHT_TAIL else np.inf
 
     def _error(self, own_wear: Wear, record: OwnRecord) -> tuple[float, float]:
         """Return the standard error of a flight's rise, and its degrees of freedom."""

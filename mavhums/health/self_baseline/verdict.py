@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf
 
 from mavhums.core.conditions import Condition
 from mavhums.core.statistics import ERRORS_95
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.decision.limits import MOST_CONFIDENCE
-from mavhums.health.decision.thresholds import FALSE_ALARMS, USEFUL_RISE
+from mavhums.health.decision.thresholds import FALSE_ALARMS
 from mavhums.health.estimation.equations import OWN_EQUATIONS, STROKE_EQUATIONS
 from mavhums.health.estimation.equations.interface import OwnEquation
 from mavhums.health.estimation.wear import mean_load, shows
@@ -44,71 +43,50 @@ def compare_with_own_flights(
     false_alarms
         Allowed false alarms per 100 hours of the actuator.
     """
-    compared = _by_equation(verdict, past, false_alarms)
-    if compared.condition in _OPEN and compared.worst in _OPEN:
-        for equation in STROKE_EQUATIONS:
-            compared = _beside(compared, equation, past, false_alarms)
+    # A limit or a jam decides: neither is taken back by what is usual for this servo.
+    if not verdict.own or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
+        return verdict
+    # Whatever else finds a fault closes the verdict: its suspects are of an earlier comparison.
+    compared, deciding = without_own(verdict).model_copy(update={"suspects": ()}), _deciding(verdict)
+    if deciding is not None:
+        compared = _compared(compared, *deciding, past, false_alarms, decides=True)
+    for equation in STROKE_EQUATIONS:
+        if record := record_of(verdict.own, equation.name):
+            compared = _compared(compared, equation, record, past, false_alarms)
     return compared
 
 
-def _beside(
-    verdict: Verdict, equation: OwnEquation, past: Sequence[PastRecord], false_alarms: float
+def _compared(
+    verdict: Verdict,
+    equation: OwnEquation,
+    record: OwnRecord,
+    past: Sequence[PastRecord],
+    false_alarms: float,
+    *,
+    decides: bool = False,
 ) -> Verdict:
-    """Return the verdict with a further quantity, which can make it changed and nothing else."""
-    record = record_of(verdict.own, equation.name)
-    if record is None:
-        return verdict
+    """Return the verdict with one quantity; one that does not decide can make it changed and nothing else."""
     found = compare(equation, record, past, false_alarms)
-    kept = {
-        "indicators": tuple(one for one in verdict.indicators if one.fault != equation.fault),
-        "evidence": tuple(one for one in verdict.evidence if one.kind != _kind(equation)),
-        "suspects": tuple(one for one in verdict.suspects if one.fault != equation.fault),
-    }
-    if found.value is None:
-        return verdict.model_copy(update=kept)
-    reason = comparison_reason(equation, found)
-    kept["indicators"] += (_indicator(equation, record, found, found.value),)
-    kept["evidence"] += (_evidence(equation, record, found, found.value, reason.text),)
-    if found.condition != "changed":
-        return verdict.model_copy(update=kept)
-    kept["suspects"] += (Suspect(fault=equation.fault, confidence=MOST_CONFIDENCE),)
-    why = said(reason)
-    if verdict.condition == "changed":
-        before = f"{verdict.reason}; {reason.text}", f"{verdict.remedy}; {reason.remedy}"
-        codes = dict.fromkeys((*verdict.reason_codes, reason.code))
-        why = {"reason": before[0], "remedy": before[1], "reason_codes": tuple(codes)}
-    return verdict.model_copy(update={**kept, "condition": "changed", "worst": "changed", **why})
-
-
-def _by_equation(verdict: Verdict, past: Sequence[PastRecord], false_alarms: float) -> Verdict:
-    """Return the verdict after the comparison by its most informative equation."""
-    deciding = _deciding(verdict)
-    # A limit or a jam decides: neither is taken back by what is usual for this servo.
-    if deciding is None or verdict.condition not in _OPEN or verdict.worst not in _OPEN:
-        return verdict
-    equation, record = deciding
-    found = compare(equation, record, past, false_alarms)
-    lost = constant_lost(found, verdict.own, past) if found.condition == "changed" else None
-    fault = equation.fault if lost is None else _CONSTANT
+    changed = found.condition == "changed"
+    lost = constant_lost(found, verdict.own, past) if decides and changed else None
     reason = comparison_reason(equation, found, lost)
-    replaced = (equation.fault, *MOTOR_FAULTS)
-    indicators = [shown for shown in verdict.indicators if shown.fault not in replaced]
-    evidence = [known for known in verdict.evidence if known.kind != _kind(equation)]
-    suspects = [suspect for suspect in verdict.suspects if suspect.fault not in (equation.fault, _CONSTANT)]
-    if found.value is not None:
-        indicators.append(_indicator(equation, record, found, found.value))
-        evidence.append(_evidence(equation, record, found, found.value, reason.text))
-    indicators.extend(motor_indicators(verdict.own, past))
-    if found.condition == "changed":
-        suspects.append(Suspect(fault=fault, confidence=MOST_CONFIDENCE))
+    shown, why = found.value, said(reason)
+    if changed and not decides and verdict.condition == "changed":
+        both = f"{verdict.reason}; {reason.text}", f"{verdict.remedy}; {reason.remedy}"
+        codes = dict.fromkeys((*verdict.reason_codes, reason.code))
+        why = {"reason": both[0], "remedy": both[1], "reason_codes": tuple(codes)}
+    indicators = [] if shown is None else [_indicator(equation, record, found, shown)]
+    evidence = [] if shown is None else [_evidence(equation, record, found, shown, reason.text)]
+    fault = equation.fault if lost is None else _CONSTANT
+    suspects = [Suspect(fault=fault, confidence=MOST_CONFIDENCE)] if changed else []
+    motor = motor_indicators(verdict.own, past) if decides else ()
+    told = {"condition": found.condition, "worst": found.condition, **why} if decides or changed else {}
     return verdict.model_copy(
         update={
-            "condition": found.condition,
-            "worst": found.condition,
-            "suspects": tuple(suspects),
-            "evidence": tuple(evidence),
-            "indicators": tuple(indicators),
-            **said(reason),
+            "indicators": (*verdict.indicators, *indicators, *motor),
+            "evidence": (*verdict.evidence, *evidence),
+            "suspects": (*verdict.suspects, *suspects),
+            **told,
         }
     )
 
@@ -181,17 +159,8 @@ def comparison_reason(equation: OwnEquation, found: Comparison, lost: float | No
     if change is None:
         return Reason("own_still", quantity=equation.quantity)
     if found.condition == "unchanged":
-        sizes = {"half": change.high - change.estimate, "rise": found.least_rise, "rate": _at_rate(found)}
+        sizes = {"half": change.high - change.estimate, "rise": found.least_rise}
         return Reason("own_unchanged", quantity=what, flights=found.flights, **sizes)
     since = f" since flight {found.since.flight} ({found.since.date[:10]})" if found.since else ""
     risen = f"{change.estimate:+.0%} ± {(change.high - change.low) / 2:.0%}{since}"
     return Reason("own_changed", quantity=what, change=risen, cause=equation.cause, inspect=equation.inspect)
-
-
-def _at_rate(found: Comparison) -> str:
-    """Return at which rate of false alarms so short or uncertain a flight shows a useful rise."""
-    if found.useful_at is None:
-        return ""
-    if found.useful_at == inf:
-        return f", one of {USEFUL_RISE:.0%} at no useful rate of false alarms"
-    return f", one of {USEFUL_RISE:.0%} at {found.useful_at:.2g} false alarms in 100 h"
