@@ -66,7 +66,7 @@ def flight(seconds: int, actuators: int, rate: int) -> Iterator[list[Event]]:
         degrees = np.array([[51 + second / 1e5, second / 1e5]])
         events.append(Position(1, np.array([float(second)]), degrees, np.array([100.0])))
         for k, name in enumerate(names):
-            events.append(Samples(1, name, time_s, noise + swing))
+            events.append(Samples(1, name, time_s, noise + swing, np.ones(noise.shape, dtype=bool)))
             if second >= 9:
                 value = 0.5 if k == 0 and second > seconds / 2 else 0.225
                 interval = Interval(estimate=value, low=value - 0.02, high=value + 0.02)

@@ -45,13 +45,14 @@ _TRUST = tuple(tier.name for tier in TIERS)
 class Samples:
     """Quantities V1…V12 of one actuator: ``time_s`` of shape (n,), ``values`` of shape (n, 12).
 
-    A quantity that the log does not carry is NaN.
+    A quantity that the log does not carry is NaN; ``measured``, of its shape, is False where it is derived.
     """
 
     vehicle: int
     actuator: str
     time_s: Array
     values: Array
+    measured: Flags
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from mavhums.app.sinks import Events
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import TableWriter, writer_for, written_whole
 from mavhums.core.packed import is_stream
-from mavhums.core.quantities import KEYS, column
+from mavhums.core.quantities import KEYS
 from mavhums.engine.events import Event
 from mavhums.health.actuator.votes import answer_samples
 from mavhums.health.decision.events import Window
@@ -170,9 +170,7 @@ class _SampleClassifier:
     def columns(self, mapped: MappedSamples, airframe: str) -> dict[str, Any]:
         """Return the columns that hold the answers on these samples."""
         serving = [model for model in self.models if model.card.airframe == airframe]
-        ema = mapped.actuator.ema
-        ratio, sensed = ema.gear_ratio if ema else None, mapped.measured[:, column("V2")]
-        answers = answer_samples(serving, mapped.values, ratio, sensed)
+        answers = answer_samples(serving, mapped.values, mapped.measured)
         names = np.array([*answers.classes, None], dtype=object)[answers.said]
         self._answered |= bool((answers.said >= 0).any())
         self._carried |= {KEYS[k] for k in np.flatnonzero(np.isfinite(mapped.values).any(axis=0)).tolist()}

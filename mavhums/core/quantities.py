@@ -120,6 +120,10 @@ _NEEDING = {
 }
 
 
+_OF_ALL = {WINDOW_KEYS.index(key) for key in ("flown", "missed mean", "missed std", "V4 all rms", "V4 peak")}
+"""Columns of the statistics of all samples; the others are of those in motion."""
+
+
 def products(moments: Array) -> Array:
     """Return the products of samples' moments, shape (n, pairs), of shape (n, len(MOMENTS))."""
     result: Array = moments[:, _UPPER[0]] * moments[:, _UPPER[1]]
@@ -188,9 +192,11 @@ def window_features(sums: Array) -> Array:
         deviation(other["missed²"] / commands, missed), np.sqrt(other["V4²"] / volts), other["peak"],
     ]  # fmt: skip
     features = np.stack(columns, axis=1)
-    # Sums are 0 also of what the log does not carry.
+    # Sums are 0 also of what the log does not carry, but those of a motion, which are NaN then.
     for name, of_what in _CARRIED.items():
-        features[np.ix_(2 * other[name] < other["samples"], _NEEDING[of_what])] = np.nan
+        lacks = 2 * other[name] < other["samples"]
+        features[np.ix_(lacks & (moving == 0), _NEEDING[of_what])] = np.nan
+        features[np.ix_(lacks, [k for k in _NEEDING[of_what] if k in _OF_ALL])] = np.nan
     return features
 
 

@@ -13,7 +13,6 @@ from mavhums.actuator.mapping import MappedSamples, Mapper
 from mavhums.actuator.profile import Actuator, Airframe
 from mavhums.actuator.telemetry import Tier, tier_named
 from mavhums.core.arrays import Array
-from mavhums.core.quantities import column
 from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_setup import SetupHistory
@@ -226,7 +225,5 @@ def classified(
     if serving:
         from mavhums.health.actuator.votes import answer_samples
 
-        ema = mapped.actuator.ema
-        ratio, sensed = ema.gear_ratio if ema else None, mapped.measured[rows, column("V2")]
-        answers = answer_samples(serving, mapped.values[rows], ratio, sensed)
+        answers = answer_samples(serving, mapped.values[rows], mapped.measured[rows])
         yield Classified(mapped.vehicle, mapped.actuator.name, time_s[rows], *answers)

@@ -302,7 +302,7 @@ class Engine:
     def _judge(self, mapper: Mapper, mapped: MappedSamples) -> Iterator[Event]:
         actuator = mapped.actuator.name
         time_s = (mapped.utc_us - self._start_us) / 1e6
-        yield Samples(mapped.vehicle, actuator, time_s, mapped.values)
+        yield Samples(mapped.vehicle, actuator, time_s, mapped.values, mapped.measured)
         self._events.of(mapped.vehicle).hear_source(actuator, time_s)
         yield from self._actuators.feed(mapper.airframe, mapped.evidence(), time_s)
 

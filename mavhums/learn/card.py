@@ -37,6 +37,9 @@ class Thinned(Contract):
     kept: int
 
 
+Search = Literal["exhaustive", "genetic", "elimination"]
+
+
 class Wrapped(Contract):
     """The search of the subset of quantities whose networks are best.
 
@@ -47,7 +50,7 @@ class Wrapped(Contract):
     tried, possible
         Number of subsets scored, and of all.
     accuracy
-        Accuracy of the best subset's networks on the samples held out, within [0, 1].
+        Accuracy of the chosen subset's best network on the samples held out, within [0, 1].
     accuracy_of_all
         The same with all quantities that were searched.
     costs
@@ -55,7 +58,7 @@ class Wrapped(Contract):
         among them, by key.
     """
 
-    search: Literal["exhaustive", "genetic", "elimination"]
+    search: Search
     tried: int
     possible: int
     accuracy: float

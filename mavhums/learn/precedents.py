@@ -16,7 +16,7 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Integers
+from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS
@@ -158,7 +158,7 @@ class PrecedentBase:
             raise MissingExtraError("the precedent base", "train") from error
         self.folder = Path(folder)
 
-    def add(self, provenance: Provenance, time_us: Integers, values: Array) -> Precedent:
+    def add(self, provenance: Provenance, time_us: Integers, values: Array, measured: Flags) -> Precedent:
         """Store one history; it replaces an earlier one of the same log and actuator.
 
         Parameters
@@ -169,6 +169,8 @@ class PrecedentBase:
             Microseconds of UTC, shape (n,).
         values
             V1…V12, shape (n, 12); NaN where the log does not carry a quantity.
+        measured
+            Which of them the log carries, as opposed to derived ones, shape (n, 12).
 
         Raises
         ------
@@ -179,9 +181,11 @@ class PrecedentBase:
         """
         import pandas as pd
 
-        if values.shape != (len(time_us), len(KEYS)):
-            raise ValueError(f"values must have the shape ({len(time_us)}, {len(KEYS)}), not {values.shape}")
+        for given in (values, measured):
+            if given.shape != (len(time_us), len(KEYS)):
+                raise ValueError(f"the shape must be ({len(time_us)}, {len(KEYS)}), not {given.shape}")
         table = pd.DataFrame(values, columns=list(KEYS))
+        table[_MEASURED] = measured
         table.insert(0, "time", pd.DatetimeIndex(time_us.astype("datetime64[us]"), tz="UTC"))
         for name, value in asdict(provenance).items():
             table[name] = pd.Categorical([value]).repeat(len(table))
@@ -207,6 +211,8 @@ class PrecedentBase:
         for path in sorted(self.folder.glob("*.parquet")):
             try:
                 with pq.ParquetFile(path) as file:
+                    if not {*_MEASURED} <= {*file.schema_arrow.names}:
+                        raise TypeError("it does not say what is measured")
                     first = next(file.iter_batches(1, columns=_PROVENANCE)).to_pylist()[0]
                     said = Provenance(**first | {"label": label_of(first["label"])})
                     yield Precedent(path, said, file.metadata.num_rows)
@@ -215,14 +221,16 @@ class PrecedentBase:
                     f"{path}: not a precedent", "remove it, and add its log again"
                 ) from error
 
-    def read(self, precedent: Precedent) -> tuple[Array, Array]:
-        """Return the times of a precedent, s from its first sample, shape (n,), and V1…V12, shape (n, 12)."""
+    def read(self, precedent: Precedent) -> tuple[Array, Array, Flags]:
+        """Return times, s from the first sample, (n,); V1…V12, and which of them are measured, (n, 12)."""
         import pandas as pd
 
-        table = pd.read_parquet(precedent.path, columns=["time", *KEYS], partitioning=None)
+        table = pd.read_parquet(precedent.path, columns=["time", *KEYS, *_MEASURED], partitioning=None)
         time_us = table.pop("time").to_numpy("datetime64[us]").astype(np.int64)
         time_s = np.asarray((time_us - time_us[:1]) * 1e-6, dtype=np.float64)
-        return time_s, np.ascontiguousarray(table, dtype=np.float64)
+        values = np.ascontiguousarray(table[[*KEYS]], dtype=np.float64)
+        return time_s, values, table[_MEASURED].to_numpy(np.bool_)
 
 
 _PROVENANCE = [field.name for field in fields(Provenance)]
+_MEASURED = [f"{key}_measured" for key in KEYS]

@@ -48,9 +48,10 @@ def class_of(target: Flags) -> Integers:
 
 
 def cross_entropies(network: TanhNetwork, samples: Samples) -> Array:
-    """Return the cross-entropy of each sample, shape (n,)."""
-    classes = class_of(samples[1])
-    return -np.asarray(log_softmax(network.outputs(samples[0]), axis=1))[np.arange(len(classes)), classes]
+    """Return the cross-entropy of each sample, shape (n,); one that lacks an input is a guess."""
+    classes, outputs = class_of(samples[1]), network.outputs(samples[0])
+    losses = -np.asarray(log_softmax(outputs, axis=1))[np.arange(len(classes)), classes]
+    return np.where(np.isnan(losses), np.log(outputs.shape[1]), losses)
 
 
 def train_networks(
@@ -139,8 +140,9 @@ def train_networks(
         loss = float(cross_entropies(best, samples) @ weight / weight.sum())
         if validation is None:
             return best, loss, iterations, np.nan, np.nan
-        accuracy = np.mean(best.outputs(validation[0]).argmax(axis=1) == class_of(validation[1]))
-        return best, loss, iterations, float(cross_entropies(best, validation).mean()), float(accuracy)
+        answers = best.outputs(validation[0])
+        right = (answers.argmax(axis=1) == class_of(validation[1])) & np.isfinite(answers).all(axis=1)
+        return best, loss, iterations, float(cross_entropies(best, validation).mean()), float(right.mean())
 
     threads = torch.get_num_threads()
     torch.set_num_threads(1)

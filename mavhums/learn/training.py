@@ -22,7 +22,7 @@ from mavhums.learn.inference import Network, TanhNetwork
 from mavhums.learn.networks import TanhNetworkEnsemble
 from mavhums.learn.ranking import ChiSquareRanking
 from mavhums.learn.trainer import train_networks
-from mavhums.learn.wrapper import WINDOW_TRAINING, Vectors
+from mavhums.learn.wrapper import TRAINING, Vectors
 
 _ITERATIONS = 300
 
@@ -43,7 +43,7 @@ class TrainingResult:
     Attributes
     ----------
     network
-        The candidate with the best validation accuracy.
+        The candidate with the least loss on the samples held out.
     chosen
         The entry of the chosen network in ``candidates``.
     candidates
@@ -183,20 +183,17 @@ def train_network(
     offered, checked = everything.part(np.flatnonzero(~held_out)), everything.part(np.flatnonzero(held_out))
     vectors, chosen, selection = reduce_vectors(offered, checked, selection, scheme, seed=draw, tell=tell)
     parts = [part.of_features(chosen) for part in (vectors, offered, checked)]
-    networks, candidates = _fit(parts, scheme, random)
-    best = max(
-        range(len(candidates)),
-        key=lambda k: (candidates[k].validation_accuracy, -candidates[k].hidden),
-    )
+    ensemble, candidates = _fit(parts, scheme, random)
+    best = candidates[ensemble.best_]
     accuracies = [each.validation_accuracy for each in candidates]
     say(
         f"networks: {len(candidates)} of {min(scheme.hidden)} to {max(scheme.hidden)} tanh neurons; the best "
-        f"with {candidates[best].hidden}: {100 * max(accuracies):.2f} % of the samples held out (median "
+        f"with {best.hidden}: {100 * best.validation_accuracy:.2f} % of the samples held out (median "
         f"{100 * float(np.median(accuracies)):.2f} %, worst {100 * min(accuracies):.2f} %)"
     )
     return TrainingResult(
-        network=Network(keys=selection.chosen(chosen), **networks[best].tensors),
-        chosen=candidates[best],
+        network=Network(keys=selection.chosen(chosen), **ensemble.networks_[ensemble.best_].tensors),
+        chosen=best,
         candidates=tuple(candidates),
         selection=selection,
         validation=validation,
@@ -206,7 +203,7 @@ def train_network(
 
 def _fit(
     parts: Sequence[Vectors], scheme: Scheme, random: np.random.Generator
-) -> tuple[tuple[TanhNetwork, ...], list[NetworkScore]]:
+) -> tuple[TanhNetworkEnsemble, list[NetworkScore]]:
     """Train the networks on vectors that represent the offered ones; those checked stop each early."""
     vectors, offered, checked = parts
     ensemble = TanhNetworkEnsemble(
@@ -224,7 +221,7 @@ def _fit(
     trained = ensemble.member_scores(offered.features, offered.target)
     sizes = [len(network.b1) for network in ensemble.networks_]
     scores = zip(sizes, trained.tolist(), ensemble.validation_accuracies_.tolist(), strict=True)
-    return ensemble.networks_, [NetworkScore(*each) for each in scores]
+    return ensemble, [NetworkScore(*each) for each in scores]
 
 
 def _checked(
@@ -311,7 +308,7 @@ def train_windows(
     Parameters
     ----------
     windows
-        Labelled windows; those with a statistic of ``keys`` missing are left out.
+        Labelled windows. Those that lack a statistic of ``keys`` train nothing; held out, they are guesses.
     classes
         Number of conditions.
     keys
@@ -330,13 +327,15 @@ def train_windows(
     values = windows.features[:, [columns.index(key) for key in keys]]
     finite = np.asarray(np.isfinite(values).all(axis=1))
     weight = np.ones(len(values)) if weights is None else np.asarray(weights, dtype=np.float64)
-    examples = LabelledWindows(values, windows.classes, windows.flights).part(finite)
-    weight = weight[finite]
+    examples = LabelledWindows(values, windows.classes, windows.flights)
     split = GroupShuffleSplit(1, test_size=_HELD_OUT, random_state=seed)
     halves = next(split.split(examples.features, groups=examples.flights))
-    if any(len(np.unique(examples.classes[half])) < len(np.unique(examples.classes)) for half in halves):
+    known = np.unique(examples.classes[finite])
+    if any(len(np.unique(examples.classes[half[finite[half]]])) < len(known) for half in halves):
         # Of few flights a draw easily leaves a class out of a part.
         halves = split_flights(examples.classes, examples.flights, seed=seed) or halves
+    # The windows held out that lack a statistic show what it costs to need it.
+    halves = halves[0][finite[halves[0]]], halves[1]
     offered, checked = map(examples.part, halves)
     ranking = ChiSquareRanking(strategy="quantile")
     selection = select_columns(offered.features, offered.classes, keys, replace(scheme, order=1), ranking)
@@ -360,7 +359,7 @@ def train_windows(
         # Of all examples: those that thinning keeps span less than what the network may be asked.
         bounds=(of_all[:, chosen].min(axis=0), of_all[:, chosen].max(axis=0)),
         max_iter=_WINDOW_ITERATIONS,
-        **WINDOW_TRAINING,
+        **TRAINING,
     )
     accuracies = trained.validation_accuracy
     if tell:

@@ -1,13 +1,14 @@
 """The wrapper of the paper's scheme (section 2): networks choose among the features that the filter kept.
 
-The fewest features within one standard error of the best win (Breiman et al., 1984): what a subset gains
-beyond them is no more than the draw of the vectors held out.
+A subset is worth the cross-entropy of its best network on the vectors held out. The fewest features within
+one standard error of the least win (Breiman et al., 1984): what a subset gains beyond them is no more than
+the draw of those vectors.
 """
 
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MissingExtraError
-from mavhums.learn.card import Wrapped
+from mavhums.learn.card import Search, Wrapped
 from mavhums.learn.inference import TanhNetwork
 from mavhums.learn.trainer import Samples, cross_entropies, train_networks
 
@@ -200,18 +201,18 @@ def network_objective(
 _SAMPLES, _ITERATIONS, _HIDDEN = 1000, 60, 8
 """Size of the first round of the wrapper of samples, in which every subset has one small network."""
 
-_SHORTLIST, _SECOND_ITERATIONS, _SECOND_HIDDEN, _SEEDS = 16, 150, 12, 3
-"""The best subsets of the first round compete again with all vectors: its noise is above their difference.
-Each has several networks: one that started badly says nothing about its inputs."""
+_SHORTLIST = 16
+"""The best subsets of the first round compete again with all vectors: its noise is above their difference."""
 
 _MANY = 10
 """Quantities beyond which their subsets are searched genetically, not all."""
 
-WINDOW_TRAINING: Mapping[str, Any] = {"weight_decay": 2e-4, "patience": 100, "beyond": 0.005}
-"""With less decay networks of the same data differ by a tenth of their loss, and statistics by less."""
+TRAINING: Mapping[str, Any] = {"weight_decay": 2e-4, "patience": 100, "beyond": 0.005}
+"""Of networks that are compared, and of those of windows. With less decay networks of the same data differ by
+a tenth of their loss, and statistics by less."""
 
-_STEP_HIDDEN, _STEP_ITERATIONS = 16, 300
-"""Size of the network of each step of the wrapper of windows."""
+_SEEDS, _COMPARED_HIDDEN, _COMPARED_ITERATIONS = 3, 16, 300
+"""Networks of each subset that is compared: one that started badly says nothing about its inputs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,37 +289,12 @@ def search_subsets(
     whole = np.ones((1, features), dtype=bool)
     best = search.subsets[np.argsort(-search.scores, kind="stable")[:_SHORTLIST]]
     shortlist = np.unique(np.concatenate([whole, best]), axis=0)
-    trained = [
-        train_networks(
-            [_SECOND_HIDDEN] * len(shortlist),
-            [seed + k] * len(shortlist),
-            vectors.samples,
-            shortlist,
-            validation=validation.samples,
-            weight=vectors.weight,
-            max_iter=_SECOND_ITERATIONS,
-            patience=None,
-        )
-        for k in range(_SEEDS)
-    ]
-    accuracies = np.array([each.validation_accuracy for each in trained])
-    most, best_of = accuracies.max(), accuracies.max(axis=0)
-    enough = best_of >= most - np.sqrt(most * (1.0 - most) / len(validation))
-    place = np.lexsort([-best_of, shortlist.sum(axis=1), ~enough])[0]
-    chosen = shortlist[place]
-    rises = _rises(trained[accuracies[:, place].argmax()].networks[place], validation, draw)
-    wrapped = Wrapped(
-        search="genetic" if genetic else "exhaustive",
-        tried=len(search.scores),
-        possible=2**features - 1,
-        accuracy=round(float(best_of[place]), 6),
-        accuracy_of_all=round(float(best_of[shortlist.all(axis=1)][0]), 6),
-    )
-    return chosen, wrapped, rises[chosen]
+    compared = [_trained(subset, vectors, validation, draw, seed) for subset in shortlist]
+    return _fewest(compared, "genetic" if genetic else "exhaustive", tried=len(search.scores))
 
 
 def _rises(network: TanhNetwork, validation: Vectors, random: np.random.Generator) -> Array:
-    """Return how much the mean loss rises when each feature's values are shuffled (Breiman, 2001)."""
+    """Return how much the mean loss rises when each feature's values are shuffled (Breiman, 2001), (k,)."""
     rises = np.zeros(validation.features.shape[1])
     for k in range(len(rises)):
         shuffled = validation.features.copy()
@@ -328,14 +304,52 @@ def _rises(network: TanhNetwork, validation: Vectors, random: np.random.Generato
     return rises
 
 
-class _Step(NamedTuple):
-    """The features of a step, and of its best network the loss with its error, the accuracy and the rises."""
+class _Candidate(NamedTuple):
+    """A subset, and of its best network the loss with its error, the accuracy and each feature's rise."""
 
+    features: Flags
     loss: float
     error: float
-    features: Flags
     accuracy: float
     rises: Array
+
+
+def _trained(
+    subset: Flags, vectors: Vectors, validation: Vectors, draw: np.random.Generator, seed: int
+) -> _Candidate:
+    """Train networks on a subset, and return it with what the one of the least loss shows."""
+    own, held_out = vectors.of_features(subset), validation.of_features(subset)
+    trained = train_networks(
+        [_COMPARED_HIDDEN] * _SEEDS,
+        [seed + k for k in range(_SEEDS)],
+        own.samples,
+        validation=held_out.samples,
+        weight=own.weight,
+        max_iter=_COMPARED_ITERATIONS,
+        **TRAINING,
+    )
+    place = int(trained.validation_loss.argmin())
+    losses = cross_entropies(trained.networks[place], held_out.samples)
+    rises = np.full(len(subset), np.inf)
+    rises[subset] = _rises(trained.networks[place], held_out, draw)
+    error, accuracy = losses.std() / np.sqrt(len(losses)), float(trained.validation_accuracy[place])
+    return _Candidate(subset, losses.mean(), error, accuracy, rises)
+
+
+def _fewest(compared: Sequence[_Candidate], search: Search, *, tried: int) -> tuple[Flags, Wrapped, Array]:
+    """Choose the fewest features within a standard error of the least loss; see :func:`search_subsets`."""
+    best = min(compared, key=lambda each: each.loss)
+    enough = (each for each in compared if each.loss <= best.loss + best.error)
+    chosen = min(enough, key=lambda each: (int(each.features.sum()), each.loss))
+    whole = next(each for each in compared if each.features.all())
+    wrapped = Wrapped(
+        search=search,
+        tried=tried,
+        possible=2 ** len(chosen.features) - 1,
+        accuracy=round(chosen.accuracy, 6),
+        accuracy_of_all=round(whole.accuracy, 6),
+    )
+    return chosen.features, wrapped, chosen.rises[chosen.features]
 
 
 def eliminate(vectors: Vectors, validation: Vectors, *, seed: int) -> tuple[Flags, Wrapped, Array]:
@@ -350,31 +364,8 @@ def eliminate(vectors: Vectors, validation: Vectors, *, seed: int) -> tuple[Flag
         As for :func:`search_subsets`, and what it returns.
     """
     draw, left = np.random.default_rng(seed), np.ones(vectors.features.shape[1], dtype=bool)
-    steps: list[_Step] = []
+    compared: list[_Candidate] = []
     while left.any():
-        trained = train_networks(
-            [_STEP_HIDDEN] * _SEEDS,
-            [seed + k for k in range(_SEEDS)],
-            vectors.samples,
-            np.repeat(left[None], _SEEDS, axis=0),
-            validation=validation.samples,
-            weight=vectors.weight,
-            max_iter=_STEP_ITERATIONS,
-            **WINDOW_TRAINING,
-        )
-        place = int(trained.validation_loss.argmin())
-        losses = cross_entropies(trained.networks[place], validation.samples)
-        rises = _rises(trained.networks[place], validation, draw)
-        error, accuracy = losses.std() / np.sqrt(len(losses)), float(trained.validation_accuracy[place])
-        steps.append(_Step(losses.mean(), error, left.copy(), accuracy, rises))
-        left[np.where(left, rises, np.inf).argmin()] = False
-    best = min(steps, key=lambda step: step.loss)
-    chosen = next(step for step in reversed(steps) if step.loss <= best.loss + best.error)
-    wrapped = Wrapped(
-        search="elimination",
-        tried=len(steps),
-        possible=2 ** len(chosen.features) - 1,
-        accuracy=round(chosen.accuracy, 6),
-        accuracy_of_all=round(steps[0].accuracy, 6),
-    )
-    return chosen.features, wrapped, chosen.rises[chosen.features]
+        compared.append(_trained(left.copy(), vectors, validation, draw, seed))
+        left[compared[-1].rises.argmin()] = False
+    return _fewest(compared, "elimination", tried=len(compared))

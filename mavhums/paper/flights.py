@@ -16,8 +16,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mavhums.actuator.align import Aligned
-from mavhums.actuator.derive import REPORTED, Deriver
-from mavhums.actuator.mapping import Samples
+from mavhums.actuator.derive import Deriver
+from mavhums.actuator.mapping import MAGNITUDES, Samples
 from mavhums.actuator.profile import Actuator, Airframe, Limits
 from mavhums.app.analysis import analyse
 from mavhums.app.settings import Options
@@ -26,7 +26,7 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
 from mavhums.engine.events import Event
-from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, outcome
+from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, network_inputs, outcome
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.thresholds import WINDOW_S
@@ -123,8 +123,11 @@ def add_log(
             origin=origin or ("simulated" if boards.get(vehicle, "").startswith(_SIMULATED) else "flown"),
         )
         time_s = np.concatenate([block.time_s for block in blocks])
-        values = np.concatenate([block.values for block in blocks])
-        added.append(base.add(provenance, start_us + np.rint(time_s * 1e6).astype(np.int64), values))
+        values, measured = (
+            np.concatenate([getattr(block, name) for block in blocks]) for name in ("values", "measured")
+        )
+        time_us = start_us + np.rint(time_s * 1e6).astype(np.int64)
+        added.append(base.add(provenance, time_us, values, measured))
     return added
 
 
@@ -215,11 +218,8 @@ class FlownFlights:
         for precedent, flight, own in zip(self._known, self._flight.tolist(), self._part, strict=True):
             said = precedent.provenance
             if own == part and said.label in labels:
-                time_s, values = self._base.read(precedent)
-                measured = np.ones(values.shape, dtype=np.bool_)
-                # Where an ESC or the servo reports, the rotor's angle is the integral of a speed.
-                measured[:, column("V2")] = not said.tier.startswith(REPORTED)
-                yield FlownActuator(self._parts[said.actuator], flight, said.label, time_s, values, measured)
+                history = self._base.read(precedent)
+                yield FlownActuator(self._parts[said.actuator], flight, said.label, *history)
 
 
 _HEALTHY_PER_LIMIT = 0.225 / 0.375
@@ -289,13 +289,14 @@ TELEMETRY = {
 
 
 class ActuatorFlight(NamedTuple):
-    """One actuator's flight: samples V1…V12 of shape (n, 12) at ``time_s`` (n,)."""
+    """One actuator's flight: V1…V12 (n, 12) at ``time_s`` (n,), and which of them are measured."""
 
     flight: int
     cyclogram: str
     friction_nm: float
     time_s: Array
     values: Array
+    measured: Flags
 
 
 History = ActuatorFlight | FlownActuator
@@ -344,22 +345,27 @@ def fly_fleet(
         )
         records = fly(flight).actuators.values()
         for k, (record, friction) in enumerate(zip(records, row, strict=True)):
-            values = reported(actuator, telemetry, record, signed=k % 2 == 0)
-            yield ActuatorFlight(number, cyclogram, float(friction), record.time_s, values)
+            values, measured, _ = reported(actuator, telemetry, record, signed=k % 2 == 0)
+            yield ActuatorFlight(number, cyclogram, float(friction), record.time_s, values, measured)
 
 
-def reported(actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool) -> Array:
-    """Return V1…V12 of a flight as the telemetry reports them, shape (n, 12); ``signed`` is an ESC_STATUS."""
+def reported(
+    actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool
+) -> tuple[Array, Flags, Array | None]:
+    """Return V1…V12 of a flight as the telemetry reports them, and which are measured, shape (n, 12) each.
+
+    An ESC that is ``signed`` sends ESC_STATUS; of another the third are magnitudes of V4, V5 and V7, (n, 3).
+    """
     if telemetry.esc:
         return _by_esc(actuator, record, signed=signed)
     values: Array = record.values.astype(np.float32).astype(np.float64)
     if telemetry.name == "without-load":
         values[:, [column("V11"), column("V12")]] = np.nan
-    return values
+    return values, np.isfinite(values), None
 
 
-def _by_esc(actuator: Actuator, record: ActuatorRecord, *, signed: bool) -> Array:
-    """Return the quantities that mapping derives from an ESC's voltage, current and speed, shape (n, 12)."""
+def _by_esc(actuator: Actuator, record: ActuatorRecord, *, signed: bool) -> tuple[Array, Flags, Array | None]:
+    """Return what :func:`reported` does from an ESC's voltage, current and speed, as mapping does."""
     values = np.full(record.values.shape, np.nan)
     esc = record.esc.copy()
     esc[:, 2] = np.rint(esc[:, 2])
@@ -377,7 +383,9 @@ def _by_esc(actuator: Actuator, record: ActuatorRecord, *, signed: bool) -> Arra
         tier="esc-signed" if signed else "esc-unsigned",
         signed=signed,
     )
-    return Deriver(actuator).complete(aligned)
+    measured = np.isfinite(values)
+    measured[:, MAGNITUDES] &= signed
+    return Deriver(actuator).complete(aligned), measured, None if signed else esc
 
 
 def _command(record: ActuatorRecord, time_s: Array) -> Array:
@@ -404,14 +412,14 @@ def parameters_of(actuator: Actuator) -> EmaParameters:
 
 
 def moving_samples(actuator: Actuator, flown: History) -> tuple[Array, Integers]:
-    """Return a flight's moving samples, shape (n, 12), and the second of each, shape (n,)."""
+    """Return what networks are asked of a flight's moving samples, (n, 12), and the second of each, (n,)."""
     cutter = SlotCutter()
-    parts = [cutter.feed(flown.time_s, with_extra_columns(flown.values)), cutter.finish()]
+    parts = [cutter.feed(flown.time_s, with_extra_columns(flown.values, flown.measured)), cutter.finish()]
     values, seconds = [], []
     for slots in parts:
         if slots is not None:
             seen = motion(actuator, slots)
-            values.append(seen.values[seen.moving])
+            values.append(network_inputs(seen.values, seen.angles)[seen.moving])
             seconds.append(np.repeat(slots.index, slots.count())[seen.moving])
     return np.concatenate(values), np.concatenate(seconds)
 
@@ -423,8 +431,7 @@ def windows(
     moving, seconds = moving_samples(actuator, flown)
     count = int(flown.time_s[-1] + 0.5) // WINDOW_S * WINDOW_S
     bounds = np.searchsorted(seconds, np.arange(count + 1))
-    ratio = actuator.ema.gear_ratio if actuator.ema else None
-    counts = count_votes(networks, moving, bounds, ratio)
+    counts = count_votes(networks, moving, bounds)
     for start in range(0, count, WINDOW_S):
         window = counts[start : start + WINDOW_S]
         yield outcome(networks, window), int(bounds[start + WINDOW_S] - bounds[start])

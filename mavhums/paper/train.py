@@ -14,7 +14,6 @@ from mavhums.actuator.profile import Actuator, Airframe, Limits
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
-from mavhums.health.actuator.votes import carries
 from mavhums.learn import (
     Calibration,
     Card,
@@ -141,8 +140,6 @@ def training_samples(
     values, facts = [np.empty((0, len(KEYS)))], [np.empty((0, 4), dtype=np.int64)]
     for number, each in enumerate(flights):
         moving, _ = moving_samples(each.actuator, each.history)
-        # An angle that was divided from the rotor's is not measured: no network would be asked with it.
-        moving[~carries(moving, each.actuator.ema.gear_ratio if each.actuator.ema else None)] = np.nan
         values.append(moving[np.isfinite(moving[:, inputs]).all(axis=1)][::_EVERY])
         facts.append(np.tile((each.emergency, each.flight, number, each.clear), (len(values[-1]), 1)))
     samples, (faulty, flight, unit, clear) = np.concatenate(values), np.concatenate(facts).T

@@ -236,18 +236,17 @@ def _sums(
     actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool
 ) -> tuple[Array, Integers]:
     """Return the sums of a simulated flight's windows, and their ends, as :func:`_sums_of` does."""
-    values = reported(actuator, telemetry, record, signed=signed)
-    measured = np.ones(values.shape, dtype=np.bool_)
-    if telemetry.esc:
-        measured[:, [1, 2]] = False
-    return _sums_of(actuator, record.time_s, values, measured)
+    return _sums_of(actuator, record.time_s, *reported(actuator, telemetry, record, signed=signed))
 
 
-def _sums_of(actuator: Actuator, time_s: Array, values: Array, measured: Flags) -> tuple[Array, Integers]:
+def _sums_of(
+    actuator: Actuator, time_s: Array, values: Array, measured: Flags, magnitudes: Array | None = None
+) -> tuple[Array, Integers]:
     """Return the sums of windows that do not overlap, shape (n, ``SUMS``), and their ends, s."""
     cutter, window = SlotCutter(), Windows(SUMS)
     sums, ends = [np.empty((0, SUMS))], [np.empty(0, dtype=np.int64)]
-    for slots in (cutter.feed(time_s, with_extra_columns(values, measured)), cutter.finish()):
+    columns = with_extra_columns(values, measured, magnitudes=magnitudes)
+    for slots in (cutter.feed(time_s, columns), cutter.finish()):
         if slots is not None:
             found = of_window(window.feed(slots.index, window_sums(actuator, slots, motion(actuator, slots))))
             last = (slots.index + 1) % WINDOW_S == 0

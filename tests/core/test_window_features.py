@@ -102,6 +102,9 @@ def test_what_is_not_measured_is_missing_and_what_stands_is_zero() -> None:
             still = statistics(slot(moments()[:0], **{key: count}))
             assert {name for name, value in still.items() if np.isnan(value)} == expected
             assert still["V5|V3 way"] == 0.0
+    # What the samples in motion carry, those that stand need not.
+    found = statistics(slot(moments(), V4=COUNT // 2 - 1))
+    assert {name for name, value in found.items() if np.isnan(value)} == {"V4 all rms", "V4 peak"}
     samples = moments()
     samples[:, MOMENTS.index("V11")] = np.nan
     found = statistics(slot(samples))

@@ -86,5 +86,5 @@ def card() -> Card:
 @pytest.fixture
 def small_wrapper(monkeypatch: pytest.MonkeyPatch) -> None:
     """A wrapper of the same two rounds with fewer iterations and seeds."""
-    for name, value in {"_ITERATIONS": 20, "_SHORTLIST": 3, "_SECOND_ITERATIONS": 40, "_SEEDS": 1}.items():
+    for name, value in {"_ITERATIONS": 20, "_SHORTLIST": 3, "_COMPARED_ITERATIONS": 40, "_SEEDS": 1}.items():
         monkeypatch.setattr(wrapper, name, value)

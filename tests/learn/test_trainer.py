@@ -37,6 +37,15 @@ def test_the_loss_is_the_cross_entropy_of_the_network_in_numpy(target: NDArray[n
         assert found.validation_accuracy[k] == (p[:50].argmax(axis=1) == truth[:50].argmax(axis=1)).mean()
 
 
+def test_a_sample_that_lacks_an_input_counts_as_a_guess() -> None:
+    held_out = np.where(np.arange(len(MOONS))[:, None] % 2 == 1, np.nan, MOONS)
+    found, whole = (
+        trained(THREE, validation=(x, y)) for x, y in ((held_out, THREE), (MOONS[::2], THREE[::2]))
+    )
+    np.testing.assert_allclose(found.validation_loss, (whole.validation_loss + np.log(3)) / 2)
+    np.testing.assert_allclose(found.validation_accuracy, whole.validation_accuracy / 2)
+
+
 def test_converges_to_what_scikit_learn_reaches() -> None:
     """Three classes: scikit-learn has a softmax for them alone."""
     decay, seeds = 1e-2, range(4)

@@ -107,7 +107,12 @@ def base_of(folder: Path, flights: list[list[str]]) -> PrecedentBase:
     base = PrecedentBase(folder)
     for number, labels in enumerate(flights):
         for label, actuator in zip(labels, ("elevator", "rudder", "aileron_left"), strict=False):
-            base.add(provenance(number, actuator, label), np.arange(3) * 10_000, np.zeros((3, 12)))
+            base.add(
+                provenance(number, actuator, label),
+                np.arange(3) * 10_000,
+                np.zeros((3, 12)),
+                np.ones((3, 12), bool),
+            )
     return base
 
 
@@ -258,13 +263,13 @@ def test_a_command_that_distinguishes_the_classes_is_warned_of(fault: str, tmp_p
         command = np.sin(time_s) * (30 if worn else 5)
         values = np.column_stack([command, *[np.gradient(command, time_s) / 6] * 11])
         values[:, 6] *= 300
-        values[:, 2] = values[:, 1] / 300
+        measured = np.isin(np.arange(12), [1, 2], invert=True) & np.isfinite(values)
         label = fault if worn else "normal"
-        base.add(provenance(number, "elevator", label), (time_s * 1e6).astype(np.int64), values)
+        base.add(provenance(number, "elevator", label), (time_s * 1e6).astype(np.int64), values, measured)
     told: list[str] = []
     flown = of_precedents(FlownFlights(base, load_airframe("paper"), seed=1), TRAINS)
     with pytest.warns(CommandLeakWarning, match=r"Cramér's V 0\.[5-9]"):
         samples, *_ = training_samples(flown, (), "precedents", told.append)
     assert "Cramér's V" in told[0]
-    # An angle that was divided from the rotor's is not measured: no network would be asked with either.
+    # No network is asked with an angle that is not measured.
     assert np.isnan(samples).all(axis=0).tolist() == [k in (1, 2) for k in range(12)]

@@ -48,6 +48,11 @@ def quantities(time: NDArray[np.float64], torque: NDArray[np.float64], seed: int
     return values
 
 
+def samples_of(actuator: str, time_s: NDArray[np.float64], values: NDArray[np.float64]) -> Samples:
+    """Return samples of an actuator of vehicle 1, all of them measured."""
+    return Samples(1, actuator, time_s, values, np.ones(values.shape, dtype=bool))
+
+
 @dataclass
 class Flight:
     """Builds the events of one actuator after another, in the order of time."""
@@ -67,7 +72,7 @@ class Flight:
             values[:, [0, 1, 2, 4, 5, 6, 7, 8, 9, 10, 11]] = 0.0
         for key in self.absent:
             values[:, KEYS.index(key)] = np.nan
-        return Samples(1, actuator, time, values)
+        return samples_of(actuator, time, values)
 
     def window(self, actuator: str, end: int) -> Window:
         if actuator == "rudder":

@@ -28,7 +28,7 @@ from mavhums.show.markdown_report import markdown
 from mavhums.show.viewer import Recorder
 from mavhums.show.words import COLOURS
 from tests.conftest import real_logs
-from tests.show.conftest import Flight, new_assessment, new_verdict
+from tests.show.conftest import Flight, new_assessment, new_verdict, samples_of
 
 rr = pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 chunk = pytest.importorskip("rerun.chunk")
@@ -168,7 +168,7 @@ def test_what_falls_silent_leaves_a_gap_and_not_a_straight_line(tmp_path: Path) 
     def block(start: int, value: float) -> Samples:
         values = np.full((4096, 12), np.nan)
         values[:, 0], values[:, 4] = 1.0, value
-        return Samples(1, "elevator", start + np.arange(4096) / 100, values)
+        return samples_of("elevator", start + np.arange(4096) / 100, values)
 
     blocks = [block(0, math.nan), block(100, 0.5), block(200, math.nan), block(300, 0.7)]
     window = Window(1, "elevator", 0.0, 10.0, 0.5, None, "normal", "normal", 0.5, 0.5)
@@ -187,7 +187,7 @@ def test_every_sample_is_there_wherever_blocks_are_cut(tmp_path: Path, flight: F
     whole = flight.samples("elevator", 0, 100)
     rng = np.random.default_rng(5)
     cuts = [0, 0, *np.sort(rng.integers(0, whole.time_s.size, 40)), whole.time_s.size]
-    parts = [Samples(1, "elevator", whole.time_s[a:b], whole.values[a:b]) for a, b in pairwise(cuts)]
+    parts = [samples_of("elevator", whole.time_s[a:b], whole.values[a:b]) for a, b in pairwise(cuts)]
     path = write(tmp_path / "cut.rrd", parts, new_assessment())
     for place, key in enumerate(KEYS):
         time, found = scalars(path, "/vehicle_1/elevator/quantities", f"mavhums:{key}")
@@ -215,7 +215,7 @@ def test_long_flights_are_written_as_they_come(tmp_path: Path) -> None:
 
 
 def test_a_state_found_late_never_hides_below_an_earlier_one(tmp_path: Path) -> None:
-    empty = Samples(1, "rudder", np.zeros(0), np.zeros((0, 12)))
+    empty = samples_of("rudder", np.zeros(0), np.zeros((0, 12)))
     window = Window(1, "rudder", 2.0, 12.0, 1.0, None, "undecided")
     changes = [
         ConditionChanged(1, "rudder", 20.0, 15.0, "undecided", "degraded", "r"),

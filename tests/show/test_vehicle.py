@@ -16,7 +16,7 @@ from mavhums.engine.events import Event
 from mavhums.health.decision.events import ConditionChanged, Indication
 from mavhums.results.assessment import Assessment
 from mavhums.vehicle.states import Attitude, FlightMode, Position
-from tests.show.conftest import Flight, new_assessment
+from tests.show.conftest import Flight, new_assessment, samples_of
 
 pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
@@ -47,7 +47,7 @@ def rgba(colour: tuple[int, int, int]) -> int:
 
 
 def block(start: float, count: int, rate: float = 100.0, value: float = 1.0) -> Samples:
-    return Samples(1, "elevator", start + np.arange(count) / rate, np.full((count, 12), value))
+    return samples_of("elevator", start + np.arange(count) / rate, np.full((count, 12), value))
 
 
 def test_surfaces_move_and_carry_their_conditions_colour(
@@ -159,7 +159,7 @@ def test_silence_is_stale_and_never_normal(tmp_path: Path) -> None:
 
 def test_silence_is_noticed_while_others_speak(tmp_path: Path) -> None:
     other = block(0, 1200)
-    rudder = Samples(1, "rudder", other.time_s, other.values)
+    rudder = samples_of("rudder", other.time_s, other.values)
     whole = new_assessment(log=new_assessment().log.model_copy(update={"duration_s": 12.0}))
     path = write(tmp_path / "one.rrd", [block(0, 100), rudder], whole)
     assert rows(path, "/vehicle_1/elevator", "StateChange:state")[1] == [["undecided"], ["stale"]]
@@ -172,7 +172,7 @@ def test_a_long_flight_is_thinned_to_its_extremes(tmp_path: Path) -> None:
     values = rng.normal(size=(time.size, 12))
     values[123_456, 4] = 99.0
     parts = zip(np.split(time, 400), np.split(values, 400), strict=True)
-    events: list[Event] = [Samples(1, "elevator", *part) for part in parts]
+    events: list[Event] = [samples_of("elevator", *part) for part in parts]
     path = write(tmp_path / "long.rrd", events, new_assessment())
     found_time, found = scalars(path, "/vehicle_1/elevator/quantities", "mavhums:V5")
     assert 16_000 < found_time.size < 40_000

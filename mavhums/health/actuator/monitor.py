@@ -27,6 +27,7 @@ from mavhums.health.actuator.votes import (
     Classifier,
     VoteOutcome,
     count_votes,
+    network_inputs,
     outcomes,
     window_outcomes,
 )
@@ -299,9 +300,8 @@ class Monitor:
         counts[:, 1] = slots.sums(moved.moving[:, None].astype(np.float64))[:, 0]
         if self._networks:
             bounds = np.cumsum([0, *counts[:, 1]]).astype(np.int64)
-            ratio = self.actuator.ema.gear_ratio if self.actuator.ema else None
-            asked = moved.values[moved.moving], bounds, ratio, moved.apart[moved.moving]
-            ballots = count_votes(self._networks, *asked).astype(float)
+            inputs = network_inputs(moved.values, moved.angles)[moved.moving]
+            ballots = count_votes(self._networks, inputs, bounds).astype(float)
             self._tally.count(ballots)
             if self._by_window:
                 own = window_sums(self.actuator, slots, moved)

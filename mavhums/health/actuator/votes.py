@@ -24,7 +24,10 @@ from mavhums.learn import Model
 from mavhums.learn.model import FRICTION_EMERGENCY
 from mavhums.results.verdict import ABSTAINED, OUTSIDE
 
-_V2, _V3, _V7, _V10 = (column(key) for key in ("V2", "V3", "V7", "V10"))
+_V7, _V10 = column("V7"), column("V10")
+ANGLES = [column("V2"), column("V3")]
+"""Columns of the two angles of V1…V12."""
+
 Counts = Integers
 
 
@@ -116,8 +119,6 @@ def count_votes(
     networks: Sequence[Classifier],
     moving: Array,
     bounds: ArrayLike,
-    gear_ratio: float | None,
-    sensed: Flags | None = None,
 ) -> Counts:
     """Count the networks' votes on the moving samples of one or several slots.
 
@@ -127,11 +128,9 @@ def count_votes(
         Networks; the one with the most inputs comes first. A slot uses the first network whose
         quantities at least half of its samples carry.
     moving
-        V1…V12 of the slots' moving samples, concatenated, shape (n, 12).
+        What :func:`network_inputs` returns of the slots' moving samples, concatenated, shape (n, 12).
     bounds
         Start of each slot in ``moving``, and end of the last one, shape (slots + 1,).
-    gear_ratio, sensed
-        As for :func:`carries`.
 
     Returns
     -------
@@ -144,7 +143,7 @@ def count_votes(
     counts = np.zeros((len(sizes), VOTE_COLUMNS), dtype=np.int64)
     counts[:, _BALLOT.network] = -1
     counts[:, _BALLOT.moving] = sizes
-    carried = carries(moving, gear_ratio, sensed)
+    carried = np.isfinite(moving)
     for k, network in enumerate(networks):
         open_ = (counts[:, _BALLOT.network] < 0) & (sizes > 0)
         if not open_.any():
@@ -259,25 +258,22 @@ def outcomes(networks: Sequence[Classifier], counts: Counts) -> list[VoteOutcome
     ]
 
 
-def carries(values: Array, gear_ratio: float | None, sensed: Flags | None = None) -> Flags:
-    """Return which quantities of V1…V12 (n, 12) carry something, shape (n, 12).
+def network_inputs(values: Array, angles: Flags) -> Array:
+    """Return V1…V12 (n, 12) as networks are asked about them: without the angles that no sensor measured.
+
+    An angle that is the integral of a speed drifts, and one that is divided from the other shows nothing of
+    the gear.
 
     Parameters
     ----------
     values
         Shape (n, 12).
-    gear_ratio
-        Gear ratio of the actuator: a V3 that is exactly V2 divided by it was not measured. None if unknown.
-    sensed
-        Whether a sensor measured V2, shape (n,): one that is the integral of V7 drifts. None if all are.
+    angles
+        Whether a sensor measured V2, and V3, shape (n, 2).
     """
-    carried = np.isfinite(values)
-    if sensed is not None:
-        carried[:, _V2] &= sensed
-    if gear_ratio is not None:
-        # A V3 that was divided from V2 is no measurement, and V2 then the drifting integral of a speed.
-        carried[:, [_V2, _V3]] &= (values[:, _V3] != values[:, _V2] / gear_ratio)[:, None]
-    return carried
+    inputs = values.copy()
+    inputs[:, ANGLES] = np.where(angles, values[:, ANGLES], np.nan)
+    return inputs
 
 
 def _sums(flags: Flags, edges: Integers) -> Counts:
@@ -309,9 +305,7 @@ class SampleAnswers(NamedTuple):
     classes: tuple[str, ...]
 
 
-def answer_samples(
-    models: Sequence[Model], values: Array, gear_ratio: float | None = None, sensed: Flags | None = None
-) -> SampleAnswers:
+def answer_samples(models: Sequence[Model], values: Array, measured: Flags) -> SampleAnswers:
     """Return the networks' answers on samples.
 
     Parameters
@@ -320,14 +314,15 @@ def answer_samples(
         Networks; the one with the most inputs comes first.
     values
         V1…V12, shape (n, 12).
-    gear_ratio, sensed
-        As for :func:`carries`.
+    measured
+        Which of them sensors measured, shape (n, 12).
     """
     count = len(values)
     classes = tuple(dict.fromkeys(name for model in models for name in model.classes))
     p_emergency, inside = np.full(count, np.nan), np.zeros(count, dtype=np.bool_)
     said = np.full(count, -1, dtype=np.int8)
-    carried = carries(values, gear_ratio, sensed)
+    inputs = network_inputs(values, measured[:, ANGLES])
+    carried = np.isfinite(inputs)
     open_ = np.ones(count, dtype=np.bool_)
     for model in models:
         # The first network whose quantities a sample carries answers it, and no other.
@@ -335,7 +330,7 @@ def answer_samples(
         open_ &= ~own
         if not own.any():
             continue
-        answers = model.classify(values[own])
+        answers = model.classify(inputs[own])
         names = np.array([classes.index(name) for name in model.classes], dtype=np.int8)
         # Quantities so large that the network's sums overflow have no probability.
         known = np.asarray(np.isfinite(answers.probabilities).all(axis=1))

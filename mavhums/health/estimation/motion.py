@@ -11,7 +11,7 @@ from mavhums.core.arrays import Array, Array1, Flags
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import KEYS, column, products
 from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
-from mavhums.health.estimation.slots import APART, BUS, MAGNITUDES, SENSED, TURNED, Slots
+from mavhums.health.estimation.slots import BUS, MAGNITUDES, ROTOR_SENSED, SENSED, TURNED, Slots
 from mavhums.health.estimation.thresholds import GUARD_S, LONGEST_GAP_PERIODS
 
 _LASTING_S = GUARD_S - 5e-7  # times are whole microseconds; rounding must not affect the comparison
@@ -39,8 +39,8 @@ class Motion(NamedTuple):
         Command minus the output shaft's angle, °; NaN where no sensor measured the angle.
     bus_v
         Voltage of the supply bus, V; NaN if the log does not carry it.
-    apart
-        Whether separate sensors measured V2 and V3.
+    angles
+        Whether a sensor measured V2, and V3, shape (n, 2).
     turned
         Whether the rotor's speed follows from the output shaft's.
     magnitudes
@@ -56,10 +56,15 @@ class Motion(NamedTuple):
     values: Array
     behind: Array
     bus_v: Array
-    apart: Flags
+    angles: Flags
     turned: Flags
     magnitudes: Array
     load: Array
+
+    @property
+    def apart(self) -> Flags:
+        """Whether separate sensors measured V2 and V3."""
+        return np.asarray(self.angles.all(axis=1))
 
 
 def longest_gap_s(actuator: Actuator) -> float:
@@ -91,7 +96,7 @@ def motion(actuator: Actuator, slots: Slots) -> Motion:
         values[:, : len(KEYS)],
         np.where(values[:, SENSED] > 0, values[:, _V1] - values[:, _V3], np.nan),
         values[:, BUS],
-        values[:, APART] > 0,
+        values[:, [ROTOR_SENSED, SENSED]] > 0,
         values[:, TURNED] > 0,
         values[:, MAGNITUDES],
         np.zeros(len(values)),
@@ -173,11 +178,9 @@ def window_sums(actuator: Actuator, slots: Slots, moved: Motion) -> Array:
 
 
 def _moving(actuator: Actuator, slots: Slots, moved: Motion) -> Array:
-    values, apart = moved.values, moved.apart
-    ratio = actuator.known_ema().gear_ratio
+    values = moved.values
     way = np.sign(values[:, _V7])
-    turned = values[:, _V2] / ratio
-    gap = np.where(apart & (values[:, _V3] != turned), values[:, _V3] - turned, np.nan)
+    gap = np.where(moved.apart, values[:, _V3] - values[:, _V2] / actuator.known_ema().gear_ratio, np.nan)
     slope = moved.acceleration / actuator.rad_s(1.0) * 1e-3
     moments = np.column_stack(
         [
@@ -214,6 +217,8 @@ def _all(actuator: Actuator, slots: Slots) -> Array:
     flown = np.abs(values[:, _V7]) * (DEGREES_S_PER_REV_MIN / ratio) * step_s
     whole &= np.isfinite(commanded) & np.isfinite(flown)
     missed = values[:, _V1] - values[:, _V3]
+    # Its sign is often unknown while nothing moves, its square is not.
+    volts = np.fmax(np.abs(values[:, _V4]), values[:, MAGNITUDES.start])
     columns = np.column_stack(
         [
             np.ones(len(values)),
@@ -221,12 +226,13 @@ def _all(actuator: Actuator, slots: Slots) -> Array:
             np.where(whole, flown, 0.0),
             missed,
             missed**2,
-            values[:, _V4] ** 2,
+            volts**2,
             np.isfinite(missed),
-            (values[:, APART] > 0) & (values[:, _V3] != values[:, _V2] / ratio),
-            np.isfinite(values[:, _V4]),
+            (values[:, [ROTOR_SENSED, SENSED]] > 0).all(axis=1)
+            & np.isfinite(values[:, [_V2, _V3]]).all(axis=1),
+            np.isfinite(volts),
             np.isfinite(values[:, _V11]),
         ]
     )[own]
-    peak = np.maximum.reduceat(np.nan_to_num(np.abs(values[own, _V4])), slots.start)
+    peak = np.maximum.reduceat(np.nan_to_num(volts[own]), slots.start)
     return np.column_stack([slots.sums(np.nan_to_num(columns)), peak])

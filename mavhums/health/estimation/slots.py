@@ -16,7 +16,7 @@ from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
 from mavhums.health.estimation.thresholds import GUARD_S, MOST_PLAUSIBLE, WINDOW_S
 
-BUS, SHAFT, SENSED, APART, AIRSPEED, TURNED = (len(KEYS) + k for k in range(6))
+BUS, SHAFT, ROTOR_SENSED, SENSED, AIRSPEED, TURNED = (len(KEYS) + k for k in range(6))
 MAGNITUDES = slice(len(KEYS) + 6, len(KEYS) + 9)
 COLUMNS = MAGNITUDES.stop
 _V2, _V3, _V7, _V10 = (column(key) for key in ("V2", "V3", "V7", "V10"))
@@ -65,8 +65,8 @@ def with_extra_columns(
     """Return V1…V12 with the additional columns of some detectors, shape (n, ``COLUMNS``).
 
     Column ``BUS`` is the voltage of the supply bus; ``SHAFT`` the output shaft's angle if it does not
-    depend on a derived sign; ``SENSED`` is 1 where a sensor measured that angle, as opposed to the rotor's;
-    ``APART`` is 1 where separate sensors measured V2 and V3; ``AIRSPEED`` is the aircraft's, m/s;
+    depend on a derived sign; ``ROTOR_SENSED`` and ``SENSED`` are 1 where a sensor measured the rotor's angle
+    and the output shaft's; ``AIRSPEED`` is the aircraft's, m/s;
     ``TURNED`` is 1 where the rotor's speed follows from the measured one of the output shaft;
     ``MAGNITUDES`` are those of V4, V5 and V7 from a source that does not measure their signs.
     Values that are not finite or not plausible are NaN.
@@ -85,7 +85,7 @@ def with_extra_columns(
     wide = np.full((len(values), COLUMNS), np.nan)
     wide[:, : len(KEYS)] = values
     wide[:, SHAFT] = values[:, _V3]
-    wide[:, [SENSED, APART]] = 1.0
+    wide[:, [ROTOR_SENSED, SENSED]] = 1.0
     wide[:, TURNED] = 0.0
     if bus_v is not None:
         wide[:, BUS] = bus_v
@@ -94,8 +94,7 @@ def with_extra_columns(
     if magnitudes is not None:
         wide[:, MAGNITUDES] = magnitudes
     if measured is not None:
-        wide[:, SENSED] = measured[:, _V3]
-        wide[:, APART] = measured[:, _V2] & measured[:, _V3]
+        wide[:, [ROTOR_SENSED, SENSED]] = measured[:, [_V2, _V3]]
         wide[:, TURNED] = measured[:, _V10] & ~measured[:, _V7]
         # An angle that is integrated from a speed whose sign follows the command would always follow it.
         wide[~measured[:, [_V2, _V3, _V7]].any(axis=1), SHAFT] = np.nan

@@ -11,10 +11,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.core.quantities import MOMENTS, SUMS, WINDOW_KEYS, column, products
-from mavhums.health.actuator.votes import VoteOutcome, by_votes, count_votes, outcome, window_outcomes
+from mavhums.health.actuator.votes import (
+    VoteOutcome,
+    by_votes,
+    count_votes,
+    network_inputs,
+    outcome,
+    window_outcomes,
+)
 from tests.present import present
 
-RATIO = 300.0
 Array = NDArray[np.float64]
 
 
@@ -53,7 +59,7 @@ def row(network: int, moving: int, voters: tuple[int, int], emergency: tuple[int
 
 def test_samples_inside_the_envelope_vote_by_direction() -> None:
     values = samples([2.0, 2.0, 0.5, -1.0, 2.0], [1.0, -1.0, 1.0, 1.0, -1.0])
-    assert count_votes([Threshold()], values, [0, 5], RATIO).tolist() == [row(0, 5, (2, 2), (2, 1))]
+    assert count_votes([Threshold()], values, [0, 5]).tolist() == [row(0, 5, (2, 2), (2, 1))]
 
 
 @given(
@@ -69,17 +75,17 @@ def test_a_slot_does_not_depend_on_its_neighbours(
     values = samples(currents, speeds)
     values[::3, 10] = np.nan
     bounds = [0, *sorted(min(cut, len(values)) for cut in cuts), len(values)]
-    together = count_votes(networks, values, bounds, RATIO)
+    together = count_votes(networks, values, bounds)
     for k in range(len(bounds) - 1):
         own = values[bounds[k] : bounds[k + 1]]
-        np.testing.assert_array_equal(together[k], count_votes(networks, own, [0, len(own)], RATIO)[0])
+        np.testing.assert_array_equal(together[k], count_votes(networks, own, [0, len(own)])[0])
 
 
 def test_the_first_network_whose_quantities_are_there_is_asked() -> None:
     networks = [Threshold(("V5", "V11")), Threshold(("V3", "V5")), Threshold(("V5",))]
 
     def asked(values: Array) -> int:
-        return int(count_votes(networks, values, [0, len(values)], RATIO)[0, 0])
+        return int(count_votes(networks, values, [0, len(values)])[0, 0])
 
     values = samples([2.0] * 4)
     assert asked(values) == 0
@@ -87,7 +93,7 @@ def test_the_first_network_whose_quantities_are_there_is_asked() -> None:
     assert asked(values) == 0
     values[:3, column("V11")] = np.nan
     assert asked(values) == 1
-    values[:, column("V3")] = values[:, column("V2")] / RATIO
+    values = network_inputs(values, np.array([[True, False]] * 4))
     assert asked(values) == 2
     values[:, column("V5")] = np.nan
     assert asked(values) == -1

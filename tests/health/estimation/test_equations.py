@@ -43,7 +43,7 @@ def motion_of(
         values=samples(count, **values),
         behind=np.full(count, np.nan),
         bus_v=np.full(count, np.nan),
-        apart=np.ones(count, dtype=bool),
+        angles=np.ones((count, 2), dtype=bool),
         turned=np.zeros(count, dtype=bool),
         magnitudes=np.full((count, 3), np.nan) if magnitudes is None else magnitudes,
         load=np.full(count, load),

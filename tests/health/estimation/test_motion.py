@@ -8,7 +8,7 @@ import pytest
 from mavhums.actuator.profile import load_airframe
 from mavhums.core.quantities import MOMENTS, column, products
 from mavhums.health.estimation.motion import angle_speed, central_slope, lasting, motion, window_sums
-from mavhums.health.estimation.slots import APART, BUS, SENSED, SHAFT, TURNED, with_extra_columns
+from mavhums.health.estimation.slots import BUS, ROTOR_SENSED, SENSED, SHAFT, TURNED, with_extra_columns
 from tests.health.builders import one_slot, samples
 
 FAST, SLOW = 2.0, 1.0
@@ -75,10 +75,10 @@ def test_motion_is_that_of_the_output_shaft_at_the_judged_samples() -> None:
 
 
 @pytest.mark.parametrize(
-    ("derived", "shaft", "sensed", "apart", "turned"),
+    ("derived", "shaft", "rotor", "sensed", "turned"),
     [
-        (["V2"], 2.0, 1.0, 0.0, 0.0),
-        (["V3"], 2.0, 0.0, 0.0, 0.0),
+        (["V2"], 2.0, 0.0, 1.0, 0.0),
+        (["V3"], 2.0, 1.0, 0.0, 0.0),
         (["V7"], 2.0, 1.0, 1.0, 1.0),
         (["V7", "V10"], 2.0, 1.0, 1.0, 0.0),
         (["V2", "V3"], 2.0, 0.0, 0.0, 0.0),
@@ -86,12 +86,12 @@ def test_motion_is_that_of_the_output_shaft_at_the_judged_samples() -> None:
     ],
 )
 def test_what_is_derived_is_not_measured(
-    derived: list[str], shaft: float, sensed: float, apart: float, turned: float
+    derived: list[str], shaft: float, rotor: float, sensed: float, turned: float
 ) -> None:
     measured = np.ones((1, 12), dtype=bool)
     measured[0, [column(key) for key in derived]] = False
     [row] = with_extra_columns(np.arange(12.0)[None], measured)
-    np.testing.assert_array_equal(row[[SHAFT, SENSED, APART, TURNED]], [shaft, sensed, apart, turned])
+    np.testing.assert_array_equal(row[[SHAFT, ROTOR_SENSED, SENSED, TURNED]], [shaft, rotor, sensed, turned])
 
 
 def test_values_beyond_the_plausible_are_missing() -> None:
