@@ -200,12 +200,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(error, flush=True)
                 continue
             logs, total, bad = logs + 1, total + count, bad + len(worse)
-            print(
-                f"{path.name}: judged {count} times with less, {len(worse)} worse",
-                *worse,
-                sep="\n    ",
-                flush=True,
-            )
+            heading = f"{path.name}: judged {count} times with less, {len(worse)} worse"
+            print(heading, *worse, sep="\n    ", flush=True)
     print(f"{logs} logs, judged {total} times with less: {bad} subjects worse")
     return int(bad > 0)
 
