@@ -324,14 +324,6 @@ class AircraftResolver:
         )
         return assessment.model_copy(update={"log": log.model_copy(update={"flight": flights})})
 
-    def since(self, assessment: Assessment) -> Mapping[str | None, datetime]:
-        """Return when each actuator of the log's aircraft was last swapped, before the log's start."""
-        if assessment.log.start_utc is None:
-            return {}
-        start = datetime.fromisoformat(assessment.log.start_utc)
-        names = {each.aircraft for each in assessment.log.flight}
-        return self.table.since(names.pop(), start) if len(names) == 1 else {}
-
 
 def latest(one: Since | None, other: Since | None) -> Mapping[str | None, datetime]:
     """Return the later date of each actuator; the key None stands for all that have no own one.

@@ -315,16 +315,24 @@ def superseded(flights: Iterable[PastFlight]) -> dict[tuple[str, int], tuple[str
     )
 
 
-def superseded_by_profile(flights: Iterable[PastFlight]) -> set[tuple[str | None, str, int]]:
-    """Return each (airframe, log, vehicle) that does not count, of flights judged by any profiles."""
+def counting(flights: Iterable[PastFlight]) -> list[PastFlight]:
+    """Return flights in time order with what no better log records of them, by whatever profiles judged."""
+    ordered = in_order(flights)
     by_airframe: dict[str | None, list[PastFlight]] = defaultdict(list)
-    for flight in flights:
+    for flight in ordered:
         by_airframe[flight.airframe].append(flight)
-    return {
-        (airframe, *recording)
-        for airframe, several in by_airframe.items()
-        for recording in superseded(several)
-    }
+    worse: dict[tuple[str | None, str], set[int | None]] = defaultdict(set)
+    for airframe, several in by_airframe.items():
+        for log, vehicle in superseded(several):
+            worse[airframe, log] |= {vehicle, None}
+    found = []
+    for flight in ordered:
+        left_out = worse.get((flight.airframe, flight.log))
+        if left_out is None:
+            found.append(flight)
+        elif verdicts := tuple(one for one in flight.verdicts if one.vehicle not in left_out):
+            found.append(replace(flight, verdicts=verdicts))
+    return found
 
 
 def in_order(flights: Iterable[PastFlight]) -> list[PastFlight]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from functools import cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -16,8 +16,7 @@ from mavhums.flights.history import (
     PastFlight,
     PastIndicator,
     baselines_of,
-    in_order,
-    superseded_by_profile,
+    counting,
 )
 from mavhums.flights.standing import Flown, growth_of, in_sense, standing_of, step_of
 from mavhums.health.decision.baseline import LOSSES, Baseline, BaselineSource
@@ -36,7 +35,6 @@ from mavhums.results.verdict import ALL, Interval
 
 _POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 _Shown = list[tuple[Flown, PastIndicator]]
-_Recordings = Collection[tuple[str | None, str, int]]
 
 
 def trend_report(
@@ -66,18 +64,19 @@ def trend_report(
     trends: list[ActuatorTrend] = []
     standings: list[Standing] = []
     unshown: list[str] = []
-    seen = _Seen.of(flights, since, repaired, baselines)
-    for (vehicle, actuator, _), flown in seen.by_actuator.items():
+    ordered, counted = counting(flights), latest(since, repaired)
+    known = baselines or _baselines_in(ordered, counted)
+    for (vehicle, actuator, _), flown in _by_actuator(ordered, since, counted).items():
         if actuators and actuator not in actuators:
             continue
         shown = _by_fault(flown)
         if not shown and flown[-1].verdict.condition != "unmonitored":
             unshown.append(f"{vehicle}: {actuator}")
-        own = _trends(flown, shown, seen.baselines, faults=faults or shown)
+        own = _trends(flown, shown, known, faults=faults or shown)
         standings.append(standing_of(flown, own))
         trends += [one for one in own if one.points]
     return TrendReport(
-        flights=seen.flights,
+        flights=len(ordered),
         trends=tuple(sorted(trends, key=_rank)),
         unshown=tuple(unshown),
         standings=_ranked(standings),
@@ -92,9 +91,14 @@ def standings_over(
     baselines: BaselineSource | None = None,
 ) -> tuple[Standing, ...]:
     """Return how each actuator stands over its flights, worst first; arguments as of :func:`trend_report`."""
-    seen = _Seen.of(flights, since, repaired, baselines)
-    several = seen.by_actuator.values()
-    return _ranked(standing_of(flown, _trends(flown, _by_fault(flown), seen.baselines)) for flown in several)
+    ordered, counted = counting(flights), latest(since, repaired)
+    known = baselines or _baselines_in(ordered, counted)
+    several = _by_actuator(ordered, since, counted).values()
+    return _ranked(standing_of(flown, _trends(flown, _by_fault(flown), known)) for flown in several)
+
+
+def _baselines_in(flights: list[PastFlight], counted: Since) -> BaselineSource:
+    return cache(lambda airframe, before: baselines_of(flights, airframe, before, counted))
 
 
 def standings_after(
@@ -123,28 +127,6 @@ def standings_after(
     return tuple(one for one in stand if one.last_utc == flown.start.isoformat())
 
 
-class _Seen(NamedTuple):
-    """The flights that count of an aircraft, those of each actuator, and what gives their baselines."""
-
-    flights: int
-    by_actuator: dict[tuple[int, str, str | None], list[Flown]]
-    baselines: BaselineSource
-
-    @classmethod
-    def of(
-        cls,
-        flights: Iterable[PastFlight],
-        since: Since | None,
-        repaired: Since | None,
-        baselines: BaselineSource | None,
-    ) -> _Seen:
-        ordered, counted = in_order(flights), latest(since, repaired)
-        left_out = superseded_by_profile(ordered)
-        of_these = cache(lambda airframe, before: baselines_of(ordered, airframe, before, counted))
-        number = sum(_is_counted(flight, left_out) for flight in ordered)
-        return cls(number, _by_actuator(ordered, left_out, since, counted), baselines or of_these)
-
-
 def _ranked(standings: Iterable[Standing]) -> tuple[Standing, ...]:
     return tuple(sorted(standings, key=lambda one: one.rank))
 
@@ -162,15 +144,8 @@ def _trends(
     return found
 
 
-def _is_counted(flight: PastFlight, left_out: _Recordings) -> bool:
-    """Whether no better log records all that it does."""
-    where = flight.airframe, flight.log
-    recorded = [(*where, each.flight.vehicle) in left_out for each in flight.recordings]
-    return not (recorded and all(recorded))
-
-
 def _by_actuator(
-    flights: Iterable[PastFlight], left_out: _Recordings, since: Since | None, counted: Since
+    flights: Iterable[PastFlight], since: Since | None, counted: Since
 ) -> dict[tuple[int, str, str | None], list[Flown]]:
     """Return the flights of each actuator in time order."""
     found: dict[tuple[int, str, str | None], list[Flown]] = {}
@@ -178,8 +153,6 @@ def _by_actuator(
         start_utc = flight.start.isoformat()
         for verdict in flight.verdicts:
             if verdict.vehicle is None or verdict.actuator == ALL:
-                continue
-            if (flight.airframe, flight.log, verdict.vehicle) in left_out:
                 continue
             if not flight.counts(verdict.actuator, since):
                 continue
