@@ -176,7 +176,7 @@ class Scene:
             yield self._lane(track, verdict.condition, verdict.worst)._replace(states=path)
         judged = {(verdict.vehicle, verdict.actuator) for verdict in assessment.verdicts}
         for key, track in self._tracks.items():
-            if track.traces and key not in judged:  # a motor beside one that failed
+            if "thrust" in track.traces and key not in judged:  # a motor beside one that failed
                 yield self._lane(track, track.condition, track.worst)
 
     def live_report(self) -> None:

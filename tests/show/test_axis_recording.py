@@ -11,11 +11,15 @@ import pytest
 pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 from mavhums import analyse
+from mavhums.actuator.mapping import Samples
 from mavhums.app.settings import Options
+from mavhums.health.decision.events import Trace
+from mavhums.show._scene import Scene
 from mavhums.show._signals import RowWriter, open_stream
 from mavhums.show._tracks import Track
 from tests.engine.test_axes import flown
 from tests.present import present
+from tests.show.conftest import new_assessment, new_verdict
 from tests.show.test_recording import entities, rows, scalars, static
 
 PROFILE = """
@@ -110,3 +114,13 @@ def test_names_that_differ_in_signs_alone_have_lanes_of_their_own() -> None:
     first = Track(RowWriter(open_stream("x"), live=False), 1, "left aileron")
     other = Track(RowWriter(open_stream("x"), live=False), 1, "left-aileron", {first.root})
     assert (first.root, other.root) == ("/vehicle_1/left_aileron", "/vehicle_1/left_aileron_")
+
+
+def test_what_the_report_does_not_judge_has_no_lane() -> None:
+    """Telemetry of the servos may take the place of axes that were followed in vain; motors stay."""
+    time, values = np.arange(2.0), np.zeros((2, 2))
+    scene = Scene(open_stream("x"), live=False, position=False)
+    scene.consume([Trace(1, "roll", "roll_angle", time, values), Trace(1, "motor 1", "thrust", time, values)])
+    scene.consume([Samples(1, "rudder", time, np.zeros((2, 12)))])
+    lanes = scene._lanes(new_assessment(new_verdict("rudder", "normal", 0.2, None)))
+    assert [lane.title for lane in lanes] == ["rudder", "motor 1"]
