@@ -11,7 +11,6 @@ import pytest
 pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 
 from mavhums import analyse
-from mavhums.actuator.mapping import Samples
 from mavhums.app.settings import Options
 from mavhums.health.decision.events import Trace
 from mavhums.show._scene import Scene
@@ -19,7 +18,7 @@ from mavhums.show._signals import RowWriter, open_stream
 from mavhums.show._tracks import Track
 from tests.engine.test_axes import flown
 from tests.present import present
-from tests.show.conftest import new_assessment, new_verdict
+from tests.show.conftest import new_assessment, new_verdict, samples_of
 from tests.show.test_recording import entities, rows, scalars, static
 
 PROFILE = """
@@ -121,6 +120,6 @@ def test_what_the_report_does_not_judge_has_no_lane() -> None:
     time, values = np.arange(2.0), np.zeros((2, 2))
     scene = Scene(open_stream("x"), live=False, position=False)
     scene.consume([Trace(1, "roll", "roll_angle", time, values), Trace(1, "motor 1", "thrust", time, values)])
-    scene.consume([Samples(1, "rudder", time, np.zeros((2, 12)))])
+    scene.consume([samples_of("rudder", time, np.zeros((2, 12)))])
     lanes = scene._lanes(new_assessment(new_verdict("rudder", "normal", 0.2, None)))
     assert [lane.title for lane in lanes] == ["rudder", "motor 1"]
