@@ -24,7 +24,6 @@ pytestmark = pytest.mark.filterwarnings("error")
 _BIN_READ = {  # of the messages that the simulator does not write
     "ARM": (90, "QBIBB", "TimeUS,ArmState,ArmChecks,Forced,Method"),
     "RATE": (91, "Qffff", "TimeUS,ROut,POut,YOut,AOut"),
-    "RCIN": (92, "Q" + 14 * "H", "TimeUS," + ",".join(f"C{n}" for n in range(1, 15))),
     "RCO2": (93, "Q" + 14 * "H", "TimeUS," + ",".join(f"C{n}" for n in range(15, 29))),
     "EV": (94, "QB", "TimeUS,Id"),
 }
