@@ -90,7 +90,7 @@ def rate(kind: Flights, before: int, draws: int) -> tuple[float, float]:
         parts = true[:, None] + recurring - recurring.mean()
         parts = parts + own[:, None] * PARTS**0.5 * rng.standard_normal((count, PARTS))
         records = [record(row) for row in parts]
-        healthy = _ReferenceFlights.of(CURRENT, tuple(records[:before]), False)
+        healthy = _ReferenceFlights.of(CURRENT, tuple(records[:before]))
         assert healthy is not None
         for one, error in zip(records[before:], own[before:], strict=True):
             shown = wear(one, healthy.nuisances)
