@@ -77,6 +77,8 @@ SUMS: Final = _PAIRS + len(_OTHERS)
 the last is no sum but the largest |V4|."""
 
 _VOTERS, _EACH_WAY = 20, 5
+_SAMPLES = 75
+"""Three quarters of a window's samples at 10 Hz, the lowest rate that networks learn: fewer alias."""
 _COMMANDED_DEG, _HELD = 5.0, 0.25
 """A window without motion shows one thing: that the shaft stays behind a command of several degrees."""
 
@@ -139,13 +141,14 @@ def shows_something(sums: Array) -> NDArray[np.bool_]:
     """Return which windows can show a condition, shape (n,), of their sums, shape (n, ``SUMS``).
 
     Those with twenty samples in motion, five of them either way; and those whose shaft stays behind a
-    command of several degrees. A standing actuator that nothing commands is not asked.
+    command of several degrees. A standing actuator that nothing commands is not asked, nor one that reports
+    more rarely than those that networks are trained on.
     """
     moving, way = sums[:, 0], sums[:, 1]
     other = dict(zip(_OTHERS, sums[:, _PAIRS:].T, strict=True))
     in_motion = (moving >= _VOTERS) & (moving - np.abs(way) >= 2 * _EACH_WAY)
     held = (other["commanded"] >= _COMMANDED_DEG) & (other["flown"] < _HELD * other["commanded"])
-    return np.asarray(in_motion | held)
+    return np.asarray((in_motion | held) & (other["samples"] >= _SAMPLES))
 
 
 def window_features(sums: Array) -> Array:

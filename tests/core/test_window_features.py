@@ -94,6 +94,13 @@ def test_the_number_of_windows_asked_at_once_does_not_change_a_digit() -> None:
         np.testing.assert_array_equal(together[k], window_features(sums[k : k + 1])[0])
 
 
+def test_a_window_of_too_few_samples_shows_nothing() -> None:
+    for count, shown in ((75, True), (74, False)):
+        sums = slot(moments(count))
+        sums[len(sums) - 7 - len(CARRIED)] = count  # all samples, the first of the sums of all
+        assert shows_something(sums[None]).tolist() == [shown]
+
+
 def test_what_is_not_measured_is_missing_and_what_stands_is_zero() -> None:
     for key in CARRIED:
         needing = {name for name, needs in WINDOW_FEATURES.items() if key in needs}

@@ -148,7 +148,7 @@ def slots(current: float, load: float = 0.5, moving: int = 20) -> Array:
     for name, factor in {"way": 1.0, "V5": current, "V7": 1.0, "V11": load}.items():
         moments[:, MOMENTS.index(name)] = factor * way
     others = np.zeros(SUMS - products(moments).shape[1])
-    others[[0, 6]] = moving, moving if np.isfinite(load) else 0
+    others[[0, 6]] = 100, 100 if np.isfinite(load) else 0
     return np.concatenate([products(moments).sum(axis=0), others])[None, None]
 
 
