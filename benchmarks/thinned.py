@@ -182,14 +182,14 @@ def logs_of(places: Sequence[Path]) -> Iterator[Path]:
         yield from (one for one in inside if one.name.lower().removesuffix(".gz").endswith(SUFFIXES))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Judge all logs with less; return 1 if a subject is worse."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("places", nargs="*", type=Path)
     parser.add_argument("--airframe", default=None)
     parser.add_argument("--store", default=None)
     parser.add_argument("--only", default="")
-    given = parser.parse_args(arguments)
+    given = parser.parse_args()
     settings = Settings.read(None, airframe=given.airframe, store=given.store)
     logs, total, bad = 0, 0, 0
     with tempfile.TemporaryDirectory() as folder:

@@ -34,7 +34,7 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def quick_study(out: Path, effort: Effort) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Effort, "quick", classmethod(lambda _: effort))
-        sizes = {"_SAMPLES": 200, "_ITERATIONS": 10, "_SHORTLIST": 2, "_SECOND_ITERATIONS": 20, "_SEEDS": 1}
+        sizes = {"_SAMPLES": 200, "_ITERATIONS": 10, "_SHORTLIST": 2, "_COMPARED_ITERATIONS": 20, "_SEEDS": 1}
         for name, value in sizes.items():
             patch.setattr(wrapper, name, value)
         outcome = CliRunner().invoke(cli, ["study", "paper", "-o", str(out), "--quick"])

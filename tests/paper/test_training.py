@@ -99,7 +99,7 @@ def test_windows_are_the_monitors() -> None:
     frictions = np.array([[0.3, 0.95, 0.3, 0.95]])
     for flown in fly_fleet(ACTUATOR, TELEMETRY["instrumented"], frictions, seed=9, cyclograms=["turns"]):
         monitor = Monitor(1, ACTUATOR, models)
-        events = [*monitor.feed(flown.time_s, flown.values), *monitor.finish()]
+        events = [*monitor.feed(flown.time_s, flown.values, flown.measured), *monitor.finish()]
         seen = {e.start_s: e.p_fault for e in events if isinstance(e, Window)}
         ours = [vote.p_fault if vote else None for vote, _ in windows(ACTUATOR, models, flown)]
         assert ours == [seen[10.0 * k] for k in range(10)]
@@ -247,7 +247,7 @@ def test_a_winding_of_twice_its_resistance_is_no_emergency_by_friction(tier: str
         )
         for flown in fleet:
             monitor = Monitor(1, ACTUATOR, models)
-            events = [*monitor.feed(flown.time_s, flown.values), *monitor.finish()]
+            events = [*monitor.feed(flown.time_s, flown.values, flown.measured), *monitor.finish()]
             said = [
                 e.network for e in events if isinstance(e, Window) and e.network not in (None, "abstained")
             ]
