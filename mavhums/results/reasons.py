@@ -122,7 +122,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "none_clear": ("{decidable} of {windows} windows are decidable, and none is clear enough",
         "analyse a longer flight"),
     "network_unfed": ("the network decides, and no window has enough samples in motion that carry its inputs",
-        "analyse a flight in which the surface moves, or {physics}"),
+        "analyse a flight in which the surface moves, with its telemetry at 10 Hz or more, or {physics}"),
     "network_outside": (
         "the network decides, and {outside} of {windows} windows are outside its training range",
         "train a network on flights of such aircraft (mavhums train), or {physics}"),

@@ -117,14 +117,29 @@ def test_selection_does_not_see_what_is_held_out(flights: Flights, monkeypatch: 
 
 
 @pytest.mark.slow
-def test_one_of_the_candidates_is_chosen(flights: Flights) -> None:
+def test_the_network_of_the_least_loss_held_out_is_chosen(
+    flights: Flights, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitted: list[TanhNetworkEnsemble] = []
+
+    class Spied(TanhNetworkEnsemble):
+        def fit(self, *data: Any, **options: Any) -> TanhNetworkEnsemble:
+            fitted.append(self)
+            super().fit(*data, **options)
+            # The more accurate has the larger loss.
+            self.validation_accuracies_ = self.validation_losses_.argsort().argsort() / self.n_networks
+            return self
+
+    monkeypatch.setattr("mavhums.learn.training.TanhNetworkEnsemble", Spied)
     result = train_network(
         *flights(0.3, 0.45, 0.55, 0.7), seed=1, scheme=replace(PAIRS, networks=5, hidden=(1, 2, 3, 4))
     )
-    assert len(result.candidates) == 5
+    [ensemble] = fitted
+    place = int(np.argmin(ensemble.validation_losses_))
+    assert ensemble.validation_accuracies_[place] == 0.0
+    np.testing.assert_array_equal(result.network.w1, ensemble.networks_[place].w1)
+    assert result.chosen == result.candidates[place]
     assert {candidate.hidden for candidate in result.candidates} == {1, 2, 3, 4}
-    assert result.chosen in result.candidates
-    assert result.network.w1.shape[1] == result.chosen.hidden
 
 
 def test_each_stage_is_told_and_what_is_told_is_on_the_card(flights: Flights) -> None:

@@ -124,7 +124,9 @@ def test_who_decides_decides_alone(friction: float, condition: str, contrary: bo
     assert (present(findings.network).first_emergency_s is None) == (said == "normal")
     assert "network" not in {item.kind for item in findings.evidence}
     events, findings = watch(data_sheet(friction), networks=[judge], by_network=True)
-    assert [e.after for e in events if isinstance(e, ConditionChanged)][-1] == said
+    changes = [e.after for e in events if isinstance(e, ConditionChanged)]
+    # A network may be sure of a fault before it is sure how grave it is.
+    assert changes == [said] or (changes == ["degraded", said] and said == "emergency")
     assert (findings.condition, findings.by_network) == (said, True)
     assert {item.kind for item in findings.evidence} == {"network"}
     assert [suspect.fault for suspect in findings.suspects] == ["friction"] * (said == "emergency")
