@@ -14,7 +14,6 @@ from math import sqrt
 import numpy as np
 
 from mavhums.core.arrays import Array
-from mavhums.core.roots import root_between
 from mavhums.health.estimation.thresholds import BASELINE_FLIGHTS, NATURAL_SCATTER_SHARE, STATED_ERROR_FREEDOM
 
 _MOST_STEPS = 50
@@ -113,6 +112,7 @@ class CommonError:
         >>> round(alike.variance, 3), alike.freedom
         (0.044, 200.0)
         """
+        from scipy.optimize import brentq  # 0.4 s to import
         from scipy.special import digamma, polygamma
 
         logarithms = np.log(variances + 1e-300) - digamma(freedom / 2) + np.log(freedom / 2)
@@ -124,7 +124,7 @@ class CommonError:
         # Together they are worth no more than all their parts, and a flight's own error always counts.
         least, worth = 1e-3, float(freedom.sum())
         if unlike(worth) < 0.0:
-            worth = root_between(unlike, least, worth)
+            worth = float(brentq(unlike, least, worth))
         mean = float(logarithms.mean() + digamma(worth / 2) - np.log(worth / 2))
         return cls(float(np.exp(mean)), worth)
 
