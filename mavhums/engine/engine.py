@@ -49,7 +49,7 @@ from mavhums.vehicle.identity import (
     date_of_file,
     date_shift_us,
 )
-from mavhums.vehicle.reported import FAULT_MESSAGES, RAIL_MESSAGES, SAGS_SHARE, ServoRails
+from mavhums.vehicle.reported import FAULT_MESSAGES
 from mavhums.vehicle.signals import SIGNAL_MESSAGES
 from mavhums.vehicle.states import (
     MODE_MESSAGES,
@@ -97,7 +97,7 @@ class Engine:
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._vehicle_limit = VehicleLimit(telemetry - TEXT_MESSAGES)
         wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
-        wanted |= AIRSPEED_MESSAGES | RAIL_MESSAGES | FAULT_MESSAGES
+        wanted |= AIRSPEED_MESSAGES | FAULT_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else MODE_MESSAGES
         wanted |= SIGNAL_MESSAGES
         self._events = FlightEvents()
@@ -108,7 +108,6 @@ class Engine:
         self._mappers = VehicleMappers(airframe)
         self._clocks = Clocks()
         self._actuators = Actuators(options, self._axes.setups)
-        self._rails = ServoRails()
         self._options = options
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
         self._looks: dict[int, _VehicleReview] = {}
@@ -258,12 +257,6 @@ class Engine:
         start_us = self._start_us
         for vehicle, time_s, words in self._events.feed(tables, start_us, admits):
             yield Notice(time_s, vehicle, words)
-        for vehicle, sag in self._rails.feed(tables):
-            text = f"the servo rail falls below {SAGS_SHARE * sag.usual_v:.1f} V: it feeds every surface"
-            time_s = self._flight_time(sag.start_us)
-            yield Notice(time_s, vehicle, text)
-            if admits(vehicle):
-                self._events.of(vehicle).add("supply", time_s, value=round(SAGS_SHARE * sag.usual_v, 2))
         for state in self._states.feed(tables, start_us=start_us):
             if isinstance(state, FlightMode) and admits(state.vehicle):
                 self._events.of(state.vehicle).add("mode", state.time_s, said=state.mode)
@@ -319,8 +312,8 @@ class Engine:
 
     def _of_vehicle(self, vehicle: int, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
-        sag = self._rails.lowest.get(vehicle)
-        return [with_supply(one, sag, self._start_us) for one in self._alone(vehicle, tier, indicators)]
+        sag = self._events.of(vehicle).rail.lowest
+        return [with_supply(one, sag) for one in self._alone(vehicle, tier, indicators)]
 
     def _alone(self, vehicle: int, tier: Tier | None, indicators: bool) -> list[Verdict]:
         actuators = [*self._verdicts(vehicle, tier, indicators)]

@@ -195,8 +195,8 @@ class FlightEvent(Contract):
 
     ``time_s`` counts from the first record of the log, ``subject`` is what it happened to, where that is not
     the vehicle: an actuator, an ESC. ``said`` is what the vehicle itself named: its mode, its text, a fault.
-    ``value`` is the number that decided, in the unit that the kind has: of ``supply`` the voltage below
-    which it fell, of ``telemetry_ends`` the seconds for which it was missing in the air, of
+    ``value`` is the number that decided, in the unit that the kind has: of ``supply`` the lowest voltage of
+    the servo rail, of ``telemetry_ends`` the seconds for which it was missing in the air, of
     ``altitude_loss`` the metres that it sank below the altitude that its autopilot demanded, of ``impact``
     those that a wing sank in the last four seconds before it came to rest, of ``fault`` how often it was
     reported, of ``errors`` how many the subject counted within the log.

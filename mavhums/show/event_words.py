@@ -25,7 +25,7 @@ _WORDS: Final[Mapping[EventKind, str]] = {
     "fault": "{subject} reports {said}{times}",
     "failsafe": 'failsafe: the vehicle reports "{said}"',
     "reboot": "the autopilot's clock jumps in flight: a reboot, or its time was set",
-    "supply": "the servo rail falls below {value:.1f} V",
+    "supply": "the servo rail falls to {value:.1f} V: it feeds every surface",
     "telemetry_ends": "telemetry of {subject} ends {value:.0f} s before the end of the flight",
     "contact": "angular acceleration beyond what motors can produce, then a descent: probably a contact",
     "errors": "the error count of {subject} grows by {value:.0f}",
@@ -40,6 +40,11 @@ _WORDS: Final[Mapping[EventKind, str]] = {
 _GRAVE: Final[Mapping[EventKind, tuple[Condition, str, str]]] = {
     "crash": ("emergency", "crash", "crash reported at {at}"),
     "impact": ("degraded", "impact", "probably hit the ground at {at}"),
+    "supply": (
+        "degraded",
+        "servo rail",
+        "the servo rail, which feeds every surface, fell to {value:.1f} V at {at}",
+    ),
     "contact": ("degraded", "contact", "probably hit something at {at}"),
     "altitude_loss": ("degraded", "altitude loss", "sank {value:.0f} m below its demand from {at} on"),
 }

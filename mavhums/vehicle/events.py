@@ -22,7 +22,7 @@ from mavhums.vehicle.facts import ARDUPILOT, ON_GROUND
 from mavhums.vehicle.formats import by_vehicle
 from mavhums.vehicle.grid import RATE_HZ, Seconds
 from mavhums.vehicle.phases import CONTACT, LANDING, TAKE_OFF, PhaseRows, Phases
-from mavhums.vehicle.reported import FAULT_FACTS, Reported
+from mavhums.vehicle.reported import FAULT_FACTS, RAIL, SAGS_SHARE, Reported, ServoRail
 from mavhums.vehicle.rotors import Rotors
 
 _MOST: Final = 100  # of a kind and vehicle: what comes later is counted, as memory is bounded
@@ -64,8 +64,8 @@ class VehicleEvents:
 
     Attributes
     ----------
-    reported
-        What its devices report of their own faults.
+    reported, rail
+        What its devices report of their own faults, and its servo rail.
     """
 
     def __init__(self, vehicle: int) -> None:
@@ -80,7 +80,7 @@ class VehicleEvents:
         self._last_s = 0.0
         self._sources: dict[str, tuple[float, float, int]] = {}
         self._ended = False
-        self.reported = Reported()
+        self.reported, self.rail = Reported(), ServoRail()
         self._course: deque[tuple[float, ...]] = deque(maxlen=_HELD_S + _SINKS_S)
         self._sank_s = -np.inf
         self.left_out = 0
@@ -181,6 +181,7 @@ class VehicleEvents:
         """
         found = [event for kept in self._kept.values() for event in kept]
         found += [self._event(kind, time_s, **about) for kind, time_s, about in self.reported.faults()]
+        found += [self._event("supply", sag.start_s, value=round(sag.least_v, 2)) for sag in self.rail.sags]
         flies = self._phases.certain and self._kind not in _NEVER_AIRBORNE
         found += [self._event(*self._begun)] if flies else []
         flights = [*self._flights(found)]
@@ -215,6 +216,8 @@ class VehicleEvents:
             return self._kind not in _NEVER_AIRBORNE
         if event.kind == "reboot":
             return any(begin < event.time_s < end for begin, end in flights)
+        if event.kind == "supply":  # whoever switches off after the landing lets the rail fall, too
+            return not flights or any(begin < event.time_s < end for begin, end in flights)
         if event.kind == "altitude_loss":
             return not rotors and any(begin <= event.time_s < end for begin, end in flights)
         if event.kind == "contact":
@@ -243,18 +246,26 @@ class FlightEvents:
     def feed(
         self, tables: Mapping[str, Table], start_us: int, admits: Callable[[int], bool]
     ) -> Iterator[tuple[int, float, str]]:
-        """Take the faults that devices report in these messages, of the vehicles that are admitted.
+        """Take faults that devices report and readings of servo rails, of the vehicles that are admitted.
 
         Yields
         ------
         tuple
-            Of a fault that is reported for the first time: vehicle, flight time, s, and words.
+            Of a fault that is reported for the first time, and of a rail that begins to sag: vehicle, flight
+            time, s, and words.
         """
-        for vehicle, report in by_vehicle(tables, *FAULT_FACTS):
-            if admits(vehicle):
-                time_s = (report.table.time_us - start_us) / 1e6
-                for at_s, words in self.of(vehicle).reported.hear(report, time_s):
-                    yield vehicle, at_s, words
+        for vehicle, report in by_vehicle(tables, *FAULT_FACTS, RAIL):
+            if not admits(vehicle):
+                continue
+            time_s = (report.table.time_us - start_us) / 1e6
+            if report.source.fact == RAIL:
+                for sag in self.of(vehicle).rail.feed(time_s, report.values[:, 0]):
+                    least_v = SAGS_SHARE * sag.usual_v
+                    words = f"the servo rail falls below {least_v:.1f} V: it feeds every surface"
+                    yield vehicle, sag.start_s, words
+                continue
+            for at_s, words in self.of(vehicle).reported.hear(report, time_s):
+                yield vehicle, at_s, words
 
     def finish(self) -> None:
         """End the input."""

@@ -7,23 +7,23 @@ first, and how often. When the rail that feeds the servos sags, every surface is
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from mavhums.core.arrays import Array, Integers
-from mavhums.log import Table
 from mavhums.results.sections import EventKind
 from mavhums.vehicle.facts import FAULTS
-from mavhums.vehicle.formats import by_vehicle, messages_of
+from mavhums.vehicle.formats import messages_of
 from mavhums.vehicle.formats.base import FactReport, each
 
 _ERRORS: Final = "ESC errors"  # a count; the others are bits
 FAULT_FACTS: Final = (_ERRORS, *FAULTS)
-FAULT_MESSAGES: Final = messages_of(*FAULT_FACTS)
+RAIL: Final = "servo rail"
+FAULT_MESSAGES: Final = messages_of(*FAULT_FACTS, RAIL)
 
-_MOST: Final = 128  # devices that are followed, and faults that are kept
+_MOST: Final = 128  # devices that are followed, and faults and sags that are kept
 _NUMBERS: Final = 32  # a device's number beyond is damage
 _TEXT: Final = re.compile(
     r"thrust loss|\b(motor|esc|servo)s? ?#?\d*\b.*\b(fail|fault|error|lost|offline|stuck|stall|desync|over)",
@@ -116,8 +116,6 @@ class Reported:
             yield kind, time_s, {"subject": subject, "said": said, "value": float(count)}
 
 
-RAIL_MESSAGES: Final = messages_of("servo rail")
-
 SAGS_SHARE: Final = 0.8
 """Share of its usual voltage below which a rail sags: servos of 5 V are made for 4.8 V, and a
 healthy regulator dips by less when all servos start. By hand."""
@@ -126,10 +124,10 @@ _READINGS: Final = 20  # whose median is the usual voltage
 
 
 class Sag(NamedTuple):
-    """When a rail was too low, in µs of the vehicle's clock, its lowest voltage and its usual one."""
+    """When a rail was too low, flight times, s, its lowest voltage and its usual one."""
 
-    start_us: int
-    end_us: int
+    start_s: float
+    end_s: float
     least_v: float
     usual_v: float
 
@@ -137,52 +135,50 @@ class Sag(NamedTuple):
         return f"it falls from {self.usual_v:.1f} to {self.least_v:.1f} V"
 
 
-class ServoRails:
-    """Follows the servo rail of each vehicle, block by block.
+class ServoRail:
+    """Follows the servo rail of one vehicle, block by block, in bounded memory.
 
     Attributes
     ----------
-    lowest
-        The deepest sag of each vehicle so far.
+    sags
+        Its sags so far.
     """
 
     def __init__(self) -> None:
-        self.lowest: dict[int, Sag] = {}
-        self._kept: dict[int, tuple[Integers, Array]] = {}
-        self._usual_v: dict[int, float] = {}
-        self._now: dict[int, Sag] = {}
+        self.sags: list[Sag] = []
+        self._kept: tuple[Array, Array] = np.empty(0), np.empty(0)
+        self._usual_v: float | None = None
 
-    def feed(self, tables: Mapping[str, Table]) -> Iterator[tuple[int, Sag]]:
-        """Take the readings in these messages; yield vehicle and sag where a rail begins to sag."""
-        for vehicle, report in by_vehicle(tables, "servo rail"):
-            time_us, volts = report.table.time_us, report.values[:, 0]
-            if vehicle in self._kept:
-                before = self._kept[vehicle]
-                time_us, volts = np.concatenate([before[0], time_us]), np.concatenate([before[1], volts])
-            self._kept[vehicle] = time_us, volts
-            if volts.size < _READINGS and vehicle not in self._usual_v:
-                continue
-            usual_v = self._usual_v.setdefault(vehicle, float(np.median(volts[:_READINGS])))
-            self._kept[vehicle] = time_us[-1:], volts[-1:]
-            if usual_v >= _LEAST_V:
-                yield from self._sags(vehicle, time_us, volts, usual_v)
+    @property
+    def lowest(self) -> Sag | None:
+        """The deepest sag; None without one."""
+        return min(self.sags, key=lambda sag: sag.least_v, default=None)
 
-    def _sags(
-        self, vehicle: int, time_us: Integers, volts: Array, usual_v: float
-    ) -> Iterator[tuple[int, Sag]]:
+    def feed(self, time_s: Array, volts: Array) -> list[Sag]:
+        """Take readings, V, shape (n,), and their flight times, s; return the sags that begin."""
+        time_s, volts = np.append(self._kept[0], time_s), np.append(self._kept[1], volts)
+        self._kept = time_s, volts
+        if self._usual_v is None and volts.size < _READINGS:
+            return []
+        if self._usual_v is None:
+            self._usual_v = float(np.median(volts[:_READINGS]))
+        self._kept = time_s[-1:], volts[-1:]
+        return [*self._sags(time_s, volts, self._usual_v)] if self._usual_v >= _LEAST_V else []
+
+    def _sags(self, time_s: Array, volts: Array, usual_v: float) -> Iterator[Sag]:
         low = volts < SAGS_SHARE * usual_v
         both = np.flatnonzero(low[1:] & low[:-1])  # one low reading may be noise
         for part in np.split(both, np.flatnonzero(np.diff(both) > 1) + 1):
             if not part.size:
                 continue
             start, end = int(part[0]), int(part[-1]) + 1
-            found = Sag(int(time_us[start]), int(time_us[end]), float(volts[start : end + 1].min()), usual_v)
-            last = self._now.get(vehicle)
-            if last is not None and last.end_us == found.start_us:
-                found = found._replace(start_us=last.start_us, least_v=min(last.least_v, found.least_v))
-            else:
-                yield vehicle, found
-            self._now[vehicle] = found
-            deepest = self.lowest.get(vehicle)
-            if deepest is None or found.start_us == deepest.start_us or found.least_v < deepest.least_v:
-                self.lowest[vehicle] = found
+            found = Sag(
+                float(time_s[start]), float(time_s[end]), float(volts[start : end + 1].min()), usual_v
+            )
+            last = self.sags[-1] if self.sags else None
+            if last is not None and last.end_s == found.start_s:
+                least_v = min(last.least_v, found.least_v)
+                self.sags[-1] = found._replace(start_s=last.start_s, least_v=least_v)
+            elif len(self.sags) < _MOST:
+                self.sags.append(found)
+                yield found

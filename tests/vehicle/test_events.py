@@ -150,6 +150,16 @@ def test_a_jump_of_the_clock_counts_in_flight_alone() -> None:
     assert [e.time_s for e in events.events(rotors=True) if e.kind == "reboot"] == [40.0]
 
 
+def test_a_rail_that_sags_after_the_landing_was_switched_off() -> None:
+    events = flown(np.r_[FLIGHT, np.zeros(10)])
+    [landing] = [one.time_s for one in events.events(rotors=True) if one.kind == "landing"]
+    time_s = np.arange(0.0, landing + 20.0, 0.5)
+    low = (np.abs(time_s - landing + 20.0) < 1.5) | (time_s > landing + 5.0)
+    events.rail.feed(time_s, np.where(low, 3.2, 5.1))
+    found = [(e.time_s, e.value) for e in events.events(rotors=True) if e.kind == "supply"]
+    assert found == [(pytest.approx(landing - 21.0, abs=0.5), 3.2)]
+
+
 def test_a_contact_brings_a_copter_down() -> None:
     """Neither a touch-down, nor what a copter that flies on felt, nor what a wing did."""
     events = flown(np.r_[FLIGHT, np.zeros(10)])

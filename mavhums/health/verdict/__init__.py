@@ -29,17 +29,16 @@ _BY_CONDITION: Final[dict[Condition, str]] = {
 _RECOVERY_S: Final = 5.0  # after a sag, in which an alarm is still its consequence: a detector's windows last
 
 
-def with_supply(verdict: Verdict, sag: Sag | None, first_us: int) -> Verdict:
+def with_supply(verdict: Verdict, sag: Sag | None) -> Verdict:
     """Return a verdict on a surface or an axis, with the servo rail first where its sag explains the alarm.
 
-    A rail feeds every surface: what it does to one is no fault of that one. ``first_us`` is the log's first
-    time.
+    A rail feeds every surface: what it does to one is no fault of that one.
     """
     if sag is None or verdict.subject == "motor":
         return verdict
-    start_s, end_s = (sag.start_us - first_us) / 1e6, (sag.end_us - first_us) / 1e6 + _RECOVERY_S
+    end_s = sag.end_s + _RECOVERY_S
     alarms = [one for one in verdict.evidence if one.condition in ("emergency", "degraded")]
-    if not alarms or any(one.end_s < start_s or one.start_s > end_s for one in alarms):
+    if not alarms or any(one.end_s < sag.start_s or one.start_s > end_s for one in alarms):
         return verdict
     rail = Candidate(surface="servo rail", servo=0, probability=None, because=str(sag))
     return verdict.model_copy(update={"candidates": (rail, *verdict.candidates)})
