@@ -49,6 +49,7 @@ from mavhums.health.axis.thresholds import (
     SLOW_PART_S,
     SLOW_STREAM_S,
     SPEED_ERRORS_M_S,
+    WIND_M_S,
     WINDOW_DEVIATION,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS
@@ -241,6 +242,7 @@ class EffectivenessTracker:
             first,
             last,
             constants(self._form, basis.speed, fit.beta, parts),
+            bool(rows.settled[fit.at].mean() > 0.5),
         )
 
     def _begin(self, rows: Rows) -> None:
@@ -280,8 +282,12 @@ class EffectivenessTracker:
         """Return the share of the gain that the error of the speed makes, by second."""
         assert self.reference is not None
         speed = np.fmax(rows.speed.reshape(-1, RATE_HZ).mean(axis=1), LEAST_DRIVEN)
-        error = SPEED_ERRORS_M_S[int(self.reference.basis.sources) % SPEEDS]
-        unknown: list[float] = (self._form.speed_errors * error / speed).tolist()
+        reference, form = self.reference, self._form
+        settled = rows.settled.reshape(-1, RATE_HZ).all(axis=1)
+        # Before turns have shown the wind, it is in the speed, and after them it is not.
+        alike = form.speed_errors * SPEED_ERRORS_M_S[int(reference.basis.sources) % SPEEDS]
+        error = np.where(settled == reference.settled, alike, max(form.speed_errors, 1.0) * WIND_M_S)
+        unknown: list[float] = np.minimum(error / speed, 1.0).tolist()
         return unknown
 
     def _excluding(self, rows: Rows, unknown: list[float]) -> dict[int, tuple[float, float, float]]:

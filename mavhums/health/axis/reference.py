@@ -42,6 +42,8 @@ class Reference:
         Of the regression's coefficients, the gain first, shape (p, p).
     constants
         What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
+    settled
+        Whether the speed is measured, or turns had shown the wind before.
     """
 
     basis: Basis
@@ -56,6 +58,7 @@ class Reference:
     start_s: int
     end_s: int
     constants: Mapping[str, Constant] = field(default_factory=dict)
+    settled: bool = True
 
     @property
     def apart(self) -> float:

@@ -65,6 +65,11 @@ SLOW_STREAM_S: Final = 0.42
 # benchmarks/steering.py, seeds 25 and 26: 0, 0.2 and 0.3 m/s tried).
 SPEED_ERRORS_M_S: Final = (0.0, 2.0, 0.0, 0.2)
 
+# Wind, m/s, that is in the speed of a reference before the first turns, and no longer after them. With 0 a
+# wind of 4 m/s was a loss of roll control (benchmarks/thinned.py, a flight without VFR_HUD); more hides
+# losses. By hand.
+WIND_M_S: Final = 5.0
+
 # Seconds after a hard-over rudder in which findings about other axes are its consequence. Development.
 MASKED_S: Final = 20
 

@@ -278,3 +278,17 @@ def test_in_pitch_the_error_of_the_wind_triangle_is_no_loss(speed: float, source
     tracker = EffectivenessTracker("pitch")
     assert bool(certain(tracker.feed(rows(flight)))) is found
     assert tracker.reference is not None
+
+
+@pytest.mark.parametrize(
+    ("left", "turns_s", "found"), [(0.74, 0, True), (0.74, 90, False), (0.74, 360, True), (0.4, 90, True)]
+)
+def test_the_wind_that_turns_show_after_the_reference_is_no_loss(
+    left: float, turns_s: int, found: bool
+) -> None:
+    """Before the first turns the wind is in the speed; what it explains of a change then is no loss."""
+    flight = rolling(360, lost(90, left))
+    flight.settled[: turns_s * RATE_HZ] = False
+    tracker = EffectivenessTracker("roll")
+    assert bool(certain(tracker.feed(flight))) is found
+    assert tracker.reference is not None
