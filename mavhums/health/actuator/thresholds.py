@@ -50,13 +50,6 @@ LABOURED_SHARE: Final = 0.5
 # either side.
 WOUND_UP_DEG: Final = 1.5
 
-# Longest time between speeds that bound a travel, s: a shaft may travel and stop again between two farther
-# apart.
-LONGEST_SPEED_STEP_S: Final = 0.15
-
-# Integral of an unsigned speed over the commanded travel that ends a jam; a held rotor's reaches 1.6.
-SURELY_FOLLOWS_SHARE: Final = 2.0
-
 # Seconds of two that a motor must push in vain: none of healthy actuators, 0.1 with 2.0 N·m of friction
 # (docs/evidence/actuators.md, short jams).
 STALLED_SECONDS: Final = 0.5

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mavhums.core.quantities import KEYS
 from mavhums_sim.conditions import Condition
 from tests.health.builders import samples
-from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch, watch_blocks
-from tests.present import present
+from tests.health.flown import Telemetry, actuator_of, flown, telemetry, watch
 
 Array = NDArray[np.float64]
 BARE = actuator_of().model_copy(update={"ema": None, "limits": None})
@@ -57,54 +51,6 @@ def test_a_pause_of_the_link_is_no_jam() -> None:
     values = samples(time_s.size, V1=command, V3=angle)
     _, findings = watch(Telemetry(time_s[there], values[there]), BARE)
     assert findings.worst == "undecided"
-
-
-def unsigned(time_s: Array, moves: NDArray[np.bool_]) -> Telemetry:
-    """Return a command of ±8°, and the magnitude of the speed of a shaft that follows it in some samples."""
-    speed = np.abs(16.0 * np.cos(2.0 * time_s)) * actuator_of().known_ema().gear_ratio / 6.0
-    magnitudes = np.full((time_s.size, 3), np.nan)
-    magnitudes[:, 2] = np.where(moves, speed, 0.0)
-    command = samples(time_s.size, V1=8.0 * np.sin(2.0 * time_s))
-    return Telemetry(time_s, command, magnitudes=magnitudes)
-
-
-NOTHING = np.isin(KEYS, ["V1"])
-
-
-@pytest.mark.parametrize("rate_hz", [10.0, 25.0, 100.0])
-def test_a_speed_without_sign_shows_a_shaft_that_cannot_have_moved(rate_hz: float) -> None:
-    time_s = np.arange(0.0, 40.0, 1.0 / rate_hz)
-    assert watch(unsigned(time_s, time_s > -1), measured=NOTHING)[1].worst == "undecided"
-    held = (time_s > 20.0) & (time_s < 24.0)
-    _, findings = watch(unsigned(time_s, ~held), measured=NOTHING)
-    assert (findings.condition, findings.worst) == ("undecided", "emergency")
-
-
-@pytest.mark.parametrize(("rattles", "condition"), [(0.25, "emergency"), (0.38, "undecided")])
-def test_a_jam_lasts_while_a_rotor_rattles_in_its_gear(rattles: float, condition: str) -> None:
-    """A speed without sign adds up to and fro: up to twice the commanded travel shows no motion."""
-    time_s = np.arange(0.0, 60.0, 0.04)
-    seen = unsigned(time_s, (time_s < 20.0) | (time_s > 24.0))
-    present(seen.magnitudes)[time_s > 24.0] *= rattles
-    _, findings = watch(seen, measured=NOTHING)
-    assert (findings.condition, findings.worst) == (condition, "emergency")
-
-
-def test_speeds_far_apart_show_no_jam() -> None:
-    """The shaft may have moved between them."""
-    time_s = np.arange(0.0, 40.0, 0.2)
-    assert watch(unsigned(time_s, time_s < 0), measured=NOTHING)[1].worst == "undecided"
-
-
-@given(cut=st.lists(st.integers(0, 1000), max_size=6).map(sorted))
-@settings(max_examples=20, deadline=None)
-def test_a_bound_of_the_travel_does_not_depend_on_the_blocks(cut: list[int]) -> None:
-    time_s = np.arange(0.0, 40.0, 0.04)
-    seen = unsigned(time_s, (time_s < 20.0) | (time_s > 24.0))
-    whole = watch(seen, measured=NOTHING)[1].evidence
-    assert whole
-    parts = [seen.between(a, b) for a, b in itertools.pairwise([0, *cut, time_s.size])]
-    assert watch_blocks(parts, measured=NOTHING)[1].evidence == whole
 
 
 @pytest.mark.parametrize(

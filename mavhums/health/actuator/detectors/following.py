@@ -17,10 +17,6 @@ the command and the output shaft's angle, and none of the actuator's constants. 
 speed whose sign is derived from the command is no evidence. An angle calculated from the rotor's moves with
 the rotor, which moves through the gear's play and winds up the gear even if the shaft is jammed.
 
-A speed without its sign bounds the travel: no shaft travels farther than the integral of its speed. That a
-shaft moves to and fro does not show that it follows, so the bound shows a jam, and ends one only where it is
-twice what was commanded.
-
 The current shows a jam, too, however short and however little is commanded: a shaft that stands although the
 motor pushes with most of its torque at stall, for half a second. The current's sign does not matter.
 
@@ -40,7 +36,7 @@ from mavhums.actuator.profile import Actuator
 from mavhums.core.arrays import Array, Array1, Flags, Integers
 from mavhums.core.kernels import kernel
 from mavhums.core.quantities import column
-from mavhums.core.statistics import DEGREES_S_PER_REV_MIN, RAD_S_PER_REV_MIN
+from mavhums.core.statistics import RAD_S_PER_REV_MIN
 from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
@@ -49,9 +45,7 @@ from mavhums.health.actuator.thresholds import (
     JAM_PARTS_PER_SLOT,
     JAM_SHARE,
     LABOURED_SHARE,
-    LONGEST_SPEED_STEP_S,
     STALLED_SECONDS,
-    SURELY_FOLLOWS_SHARE,
     WOUND_UP_DEG,
 )
 from mavhums.health.decision.limits import Estimates, Levels
@@ -173,10 +167,9 @@ class JamDetector(Detector):
         super().__init__(actuator)
         self.levels = Levels(JAM_SHARE, JAM_SHARE)
         ema = actuator.ema
-        self._ratio = ema.gear_ratio if ema else np.nan
         self._stall_a = ema.supply_voltage / ema.resistance if ema and ema.supply_voltage else np.nan
         self._standing = actuator.moving_speed_rev_min if ema else np.nan
-        self._windows = Windows(10, max(_JAM_PARTS), empty=-np.inf)
+        self._windows = Windows(9, max(_JAM_PARTS), empty=-np.inf)
         self._laboured_a = 0.0  # current of the latest motion, with its way; zero if it was easy
         self._in_vain = Windows(1, slots=2)  # half a second may lie in two
 
@@ -189,13 +182,12 @@ class JamDetector(Detector):
         resumes = gap_s > longest_gap_s(self.actuator)
         shown = [own[:, _V1], -own[:, _V1], own[:, SHAFT], -own[:, SHAFT]]
         shown += [WOUND_UP_DEG * (1.0 - own[:, SENSED]), missed, -missed, np.where(resumes, 1.0, -np.inf)]
-        columns = np.stack([*shown, self._most_travel(seen.slots)], axis=1)
+        columns = np.stack(shown, axis=1)
         # What was seen before a gap is no longer seen after it, though its slot may be the one after.
         last = np.maximum.reduceat(np.where(resumes, np.arange(part.size), 0), start)
         columns[np.arange(part.size) < np.repeat(last, np.diff(start, append=part.size))] = -np.inf
-        travel = np.add.reduceat(np.where(np.isneginf(columns[:, -1:]), 0.0, columns[:, -1:]), start)
         overloaded = self._overloaded(own, start)
-        extremes = [np.maximum.reduceat(columns[:, :-1], start), travel, overloaded[:, None]]
+        extremes = [np.maximum.reduceat(columns, start), overloaded[:, None]]
         windows = self._windows.feed(part[start], np.hstack(extremes))
         left_out = np.full(len(windows), np.nan)
         # The longer span is asked only where the shorter one commands too little.
@@ -258,15 +250,6 @@ class JamDetector(Detector):
         stalled: Flags = self._in_vain.feed(slots.index, share[:, None]).sum(axis=(1, 2)) >= STALLED_SECONDS
         return stalled
 
-    def _most_travel(self, slots: Slots) -> Array:
-        """Return how far the shaft travelled at most since the sample before, °; NaN where unknown."""
-        speed = slots.values[:, MAGNITUDES][:, -1] * DEGREES_S_PER_REV_MIN / self._ratio
-        step_s = np.diff(slots.time_s, prepend=np.nan)
-        # The faster of two neighbours bounds the travel between them.
-        faster = np.maximum(speed, np.concatenate([[np.nan], speed[:-1]]))
-        travel: Array = np.where(step_s <= LONGEST_SPEED_STEP_S, step_s * faster, np.nan)
-        return travel[slots.judged]
-
     def _left_out(self, windows: Array) -> Array:
         """Return the fraction of the commanded travel not followed; NaN if too little was commanded.
 
@@ -280,19 +263,14 @@ class JamDetector(Detector):
         commanded = windows[:, :-JAM_PARTS_PER_SLOT, :2].max(axis=1).sum(axis=1)
         # Column 4: an angle divided from the rotor's shows the wind-up of the gear, too.
         wound_up = windows[:, :, 4].max(axis=1)
-        # Column 8: the integral of the unsigned speed.
-        bound = np.where(np.isneginf(windows[:, :, 8]), 0.0, windows[:, :, 8]).sum(axis=1)
         # Columns 2 and 3 are the highest and minus the lowest angle.
         angle = windows[:, :, 2:4].max(axis=1).sum(axis=1)
-        travelled = np.where(np.isnan(angle), bound, angle) - wound_up
+        travelled = angle - wound_up
         enough = np.where(commanded >= JAM_COMMAND_DEG + wound_up, commanded, np.nan)
         enough[_only_approached(windows[:, :, 5:7], (1.0 - JAM_SHARE) * commanded)] = np.nan
-        enough[(windows[:, :, 9] > 0.0).any(axis=1)] = np.nan
+        enough[(windows[:, :, 8] > 0.0).any(axis=1)] = np.nan
         share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
-        # To and fro in the gear also integrates to a travel: the bound shows a jam, and ends one only when
-        # far beyond.
-        proves = ~np.isnan(angle) | (share >= JAM_SHARE) | (share <= 1.0 - SURELY_FOLLOWS_SHARE)
-        return np.where(proves, share, np.nan)
+        return share
 
 
 def _only_approached(missed: Array, least: Array) -> Flags:
