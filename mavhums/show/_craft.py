@@ -15,7 +15,7 @@ from mavhums.core.arrays import Array
 from mavhums.core.quantities import column
 from mavhums.show._signals import RowWriter
 from mavhums.show.curves import Thinner
-from mavhums.show.outline import V_TAIL, Place, kind, places
+from mavhums.show.outline import V_TAIL, kind, places
 from mavhums.show.words import BLUE, YELLOW
 from mavhums.vehicle.states import FlightMode, Position
 
@@ -55,118 +55,91 @@ def craft_path(vehicle: int | None) -> str:
     return rr.new_entity_path(["airframe", vehicle_part(vehicle)])
 
 
-class Part:
-    """A part of an airframe that is drawn in the colour of its condition."""
+class CraftModel:
+    """The 3-D airframe of one vehicle, whose parts have the colours of their conditions.
 
-    shape: type[rr.Boxes3D | rr.Ellipsoids3D] = rr.Ellipsoids3D
+    Attributes
+    ----------
+    root
+        Its entity path.
+    parts
+        Entity paths of the surfaces or motors, by their names.
+    """
 
-    def __init__(self, rows: RowWriter, path: str):
-        self._rows, self._path = rows, path
+    def __init__(self, rows: RowWriter, vehicle: int | None) -> None:
+        self.root = craft_path(vehicle)
+        self.parts: dict[str, str] = {}
+        self._rows = rows
+        self._shape: type[rr.Boxes3D | rr.Ellipsoids3D] = rr.Boxes3D
 
-    def move(self, time_s: Array, values: Array) -> None:
-        """Do nothing, unless what the part is asked for is drawn as a movement."""
+    def fit(self, texts: Mapping[str, str]) -> None:
+        """Draw an airframe with surfaces by name, each with a text that says where it is."""
+        kinds = [*map(kind, texts.values())]
+        fin = (_FIN,) if "rudder" in kinds or V_TAIL not in kinds else ()
+        self._hull(*_HULL, *fin, *(() if V_TAIL in kinds else (_TAILPLANE,)))
+        for name, place in zip(texts, places([*texts.values()]), strict=True):
+            begin, end = place.span
+            box = rr.Boxes3D(
+                centers=[
+                    (-place.chord / 2, side * (begin + end) / 2, 0) for side in (1, -1)[: 1 + place.mirrored]
+                ],
+                half_sizes=[(place.chord / 2, abs(end - begin) / 2 - 0.006, _THICK)],
+                fill_mode="solid",
+                labels=[name],
+                show_labels=len(texts) <= _LABELLED,
+            )
+            hinge = rr.RotationAxisAngle((1, 0, 0), degrees=place.roll)
+            at = rr.Transform3D(translation=(place.x, 0, place.z), rotation_axis_angle=hinge)
+            self._rows.style(self._new_part(name, box).rpartition("/")[0], at)
 
-    def colour(self, time_s: Sequence[float], colours: Sequence[tuple[int, int, int]]) -> None:
-        """Set the colours of the part's conditions, each from a flight time on."""
-        self._rows.put(self._path, time_s, self.shape.columns, colors=list(colours))
+    def fit_motors(self, bearings_deg: Mapping[str, float]) -> None:
+        """Draw a multirotor with motors by their names and where they sit, clockwise from the nose."""
+        self._shape = rr.Ellipsoids3D
+        turns = -np.radians([*bearings_deg.values()])  # the scene's third axis is up
+        tips = _ARM * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
+        arms = rr.LineStrips3D([[(0, 0, 0), tip] for tip in tips], radii=0.02, colors=_GREY)
+        self._rows.style(f"{self.root}/body/arms", arms)
+        self._hull(*_HUB)
+        radius = min(0.8 * _ARM * float(np.sin(np.pi / len(turns))), 0.4)
+        for name, tip in zip(bearings_deg, tips, strict=True):
+            disc = rr.Ellipsoids3D(
+                centers=[tip + np.array([0, 0, 0.06])],
+                half_sizes=[(radius, radius, _THICK)],
+                fill_mode="solid",
+                labels=[name],
+                show_labels=True,
+            )
+            self._new_part(name, disc)
 
+    def _new_part(self, name: str, shape: rr.Boxes3D | rr.Ellipsoids3D) -> str:
+        self.parts[name] = self.root + rr.new_entity_path(["body", "at", name, "part"])
+        self._rows.style(self.parts[name], shape)
+        # Not static: the viewer shows what is static instead of what changes with time.
+        self.colour(name, [0.0], [_GREY])
+        return self.parts[name]
 
-class Surface(Part):
-    """One control surface, or another part that a servo moves."""
+    def _hull(self, *boxes: _Box) -> None:
+        centres, halves, colours = zip(*boxes, strict=True)
+        hull = rr.Boxes3D(centers=centres, half_sizes=halves, colors=colours, fill_mode="solid")
+        self._rows.style(f"{self.root}/body/hull", hull)
 
-    shape = rr.Boxes3D
+    def colour(self, name: str, time_s: Sequence[float], colours: Sequence[tuple[int, int, int]]) -> None:
+        """Set the colours of a part, each from a flight time on."""
+        if name in self.parts:
+            self._rows.put(self.parts[name], time_s, self._shape.columns, colors=list(colours))
 
-    def __init__(self, rows: RowWriter, path: str, name: str, place: Place, *, named: bool):
-        super().__init__(rows, path)
-        self._tick = -1.0
-        begin, end = place.span
-        sides = (1, -1) if place.mirrored else (1,)
-        hinge = rr.RotationAxisAngle((1, 0, 0), degrees=place.roll)
-        rows.style(
-            path.rsplit("/", 1)[0],
-            rr.Transform3D(translation=(place.x, 0, place.z), rotation_axis_angle=hinge),
-        )
-        box = rr.Boxes3D(
-            centers=[(-place.chord / 2, side * (begin + end) / 2, 0) for side in sides],
-            half_sizes=[(place.chord / 2, abs(end - begin) / 2 - 0.006, _THICK)],
-            fill_mode="solid",
-            labels=[name],
-            show_labels=named,
-        )
-        rows.style(path, box)
-
-    def move(self, time_s: Array, values: Array) -> None:
-        """Rotate the surface by V3, or by V1 if the log has no V3; positive is trailing edge down or left.
+    def move(self, name: str, time_s: Array, values: Array) -> None:
+        """Rotate a surface by V3, or by V1 if the log has no V3; positive is trailing edge down or left.
 
         Poses are at least 40 ms apart, which looks smooth.
         """
         measured = np.isfinite(values[:, _V3]).any()
         angle = values[:, _V3 if measured else _V1]
         known = np.flatnonzero(np.isfinite(angle))
-        ticks = np.floor(time_s[known] / _STEP_S)
-        known = known[np.diff(ticks, prepend=self._tick) != 0]
-        if known.size:
-            self._tick = float(ticks[-1])
+        known = known[np.diff(np.floor(time_s[known] / _STEP_S), prepend=-1.0) != 0]
+        if name in self.parts and known.size:
             turns = [rr.RotationAxisAngle((0, 1, 0), degrees=-degrees) for degrees in angle[known].tolist()]
-            self._rows.put(self._path, time_s[known], rr.Transform3D.columns, rotation_axis_angle=turns)
-
-
-def _motor(rows: RowWriter, path: str, name: str, bearing_deg: float, radius: float) -> Part:
-    """Draw one motor of a multirotor: an arm, and a disc."""
-    turn = -np.radians(bearing_deg)  # the scene's third axis is up
-    ahead, left = float(np.cos(turn)), float(np.sin(turn))
-    turned = rr.RotationAxisAngle((0, 0, 1), radians=float(turn))
-    arm = rr.Boxes3D(
-        centers=[(ahead * _ARM / 2, left * _ARM / 2, 0)], half_sizes=[(_ARM / 2, 0.025, 0.02)],
-        rotation_axis_angles=[turned], colors=[_GREY], fill_mode="solid",
-    )  # fmt: skip
-    disc = rr.Ellipsoids3D(
-        centers=[(ahead * _ARM, left * _ARM, 0.06)], half_sizes=[(radius, radius, _THICK)],
-        fill_mode="solid", labels=[name], show_labels=True,
-    )  # fmt: skip
-    rows.style(path.rsplit("/", 1)[0], arm)
-    rows.style(path, disc)
-    motor = Part(rows, path)
-    # Not static: the viewer shows what is static instead of what changes with time.
-    motor.colour([0.0], [_GREY])
-    return motor
-
-
-class CraftModel:
-    """The 3-D airframe of one vehicle.
-
-    Attributes
-    ----------
-    surfaces
-        Surfaces by the actuator's name, motors by theirs.
-    """
-
-    def __init__(self, rows: RowWriter, vehicle: int | None) -> None:
-        self.root = craft_path(vehicle)
-        self.surfaces: dict[str, Part] = {}
-        self._rows = rows
-
-    def fit(self, surfaces: Mapping[str, str]) -> None:
-        """Draw an airframe with surfaces by name, each with a text that says what kind it is."""
-        kinds = [*map(kind, surfaces.values())]
-        fin = (_FIN,) if "rudder" in kinds or V_TAIL not in kinds else ()
-        self._draw((*_HULL, *fin, *(() if V_TAIL in kinds else (_TAILPLANE,))))
-        for name, place in zip(surfaces, places([*surfaces.values()]), strict=True):
-            path = self.root + rr.new_entity_path(["body", "at", name, "surface"])
-            self.surfaces[name] = Surface(self._rows, path, name, place, named=len(surfaces) <= _LABELLED)
-
-    def fit_motors(self, bearings_deg: Mapping[str, float]) -> None:
-        """Draw a multirotor with motors by their names and where they sit, clockwise from the nose."""
-        self._draw(_HUB)
-        radius = min(0.8 * _ARM * float(np.sin(np.pi / len(bearings_deg))), 0.4)
-        for name, bearing in bearings_deg.items():
-            path = self.root + rr.new_entity_path(["body", "at", name, "disc"])
-            self.surfaces[name] = _motor(self._rows, path, name, bearing, radius)
-
-    def _draw(self, boxes: Sequence[_Box]) -> None:
-        centres, halves, colours = zip(*boxes, strict=True)
-        hull = rr.Boxes3D(centers=centres, half_sizes=halves, colors=colours, fill_mode="solid")
-        self._rows.style(f"{self.root}/body/hull", hull)
+            self._rows.put(self.parts[name], time_s[known], rr.Transform3D.columns, rotation_axis_angle=turns)
 
     def attitude(self, time_s: Array, roll_pitch_yaw_rad: Array) -> None:
         """Rotate the airframe; the heading is separate, so that a view can follow it."""

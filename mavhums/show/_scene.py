@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator
 from typing import Final
 
@@ -16,8 +15,7 @@ from mavhums.engine.events import Event, Notice
 from mavhums.health.actuator.detectors import detectors_for
 from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
 from mavhums.results.assessment import Assessment
-from mavhums.results.verdict import Verdict
-from mavhums.show._craft import Part, Vehicle, craft_path
+from mavhums.show._craft import Vehicle, craft_path
 from mavhums.show._signals import RowWriter
 from mavhums.show._tracks import Track, path_part
 from mavhums.show.blocks import Mark
@@ -26,7 +24,7 @@ from mavhums.show.event_words import FRAME, event_words, trace_words
 from mavhums.show.headline import judged_vehicles
 from mavhums.show.markdown_report import draw, markdown
 from mavhums.show.now import report_blocks
-from mavhums.show.outline import USUAL, kind
+from mavhums.show.outline import motors, surfaces
 from mavhums.show.tables import listed
 from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, name
@@ -111,16 +109,13 @@ class Scene:
         """Write remaining data and the report, and return the layout of the whole flight."""
         for verdict in assessment.verdicts:
             self._track(verdict.vehicle, verdict.actuator)
-        self._fit_motors(assessment)
-        self._fit_surfaces(assessment)
+        self._fit(assessment)
         for track in self._tracks.values():
             track.now(assessment.log.duration_s)
         for verdict in assessment.verdicts:
             self._track(verdict.vehicle, verdict.actuator).conclude(verdict)
-            if verdict.subject == "axis":
-                self._track(verdict.vehicle, verdict.actuator).moved = list(self._moved(verdict))
-        for track in sorted(self._tracks.values(), key=lambda track: bool(track.moved)):
-            track.finish()  # an axis after the actuators whose surfaces it colours
+        for track in self._tracks.values():
+            track.finish()
         for vehicle in self._vehicles.values():
             vehicle.finish()
         for happened in assessment.events:
@@ -138,29 +133,22 @@ class Scene:
         self._rows.finish()
         return layout(lanes, self._surroundings())
 
-    def _fit_motors(self, assessment: Assessment) -> None:
-        """Draw multirotors; which output drives which motor is known at the end."""
-        for used in assessment.usage:
-            motors = {o.name: o.bearing_deg for o in used.outputs if o.name and o.bearing_deg is not None}
-            craft = self._vehicle(used.vehicle).craft if motors else None
-            if craft is not None and not craft.surfaces:
-                craft.fit_motors(motors)
-                for name, motor in craft.surfaces.items():
-                    if (used.vehicle, name) in self._tracks:
-                        self._tracks[used.vehicle, name].surface = motor
+    def _fit(self, assessment: Assessment) -> None:
+        """Draw what is not drawn by a profile, and give each part to the track whose condition it has.
 
-    def _fit_surfaces(self, assessment: Assessment) -> None:
-        """Draw the wings of vehicles without a profile, each surface where its name or its axis says."""
-        named: dict[int, dict[str, str]] = {}
-        for verdict in assessment.verdicts:
-            if verdict.actuator in USUAL and verdict.vehicle is not None:
-                usual = USUAL[verdict.actuator]
-                own = {text: text if kind(text) else f"{usual} {text}" for text in verdict.surfaces}
-                named.setdefault(verdict.vehicle, {}).update(own)
-        for vehicle, surfaces in named.items():
+        Which output drives which motor or surface is known at the end.
+        """
+        for vehicle in dict.fromkeys(verdict.vehicle for verdict in assessment.verdicts):
+            bearings, found = motors(assessment, vehicle), surfaces(assessment, vehicle)
+            owners = {name: part.verdict.actuator for name, part in found.items()}
             craft = self._vehicle(vehicle).craft
-            if surfaces and not craft.surfaces:
-                craft.fit(surfaces)
+            if bearings and not craft.parts:
+                craft.fit_motors(bearings)
+            elif found and not craft.parts:
+                craft.fit({name: part.text for name, part in found.items()})
+            for track in self._tracks.values():
+                if track.vehicle == vehicle:
+                    track.parts = [one for one in craft.parts if owners.get(one, one) == track.actuator]
 
     def _lanes(self, assessment: Assessment) -> Iterator[Lane]:
         """Yield the lanes in the order of the report; none for what nothing reports on.
@@ -220,7 +208,7 @@ class Scene:
 
     def _surroundings(self) -> Surroundings:
         """Return what is drawn besides the actuators; with several vehicles, the worst one's airframe."""
-        fitted = [v for v in self._vehicles.values() if v.craft.surfaces]
+        fitted = [v for v in self._vehicles.values() if v.craft.parts]
         worst = {track.vehicle for track in self.ranked()[:1]}
         fitted.sort(key=lambda vehicle: vehicle.craft.root not in {craft_path(number) for number in worst})
         return Surroundings(
@@ -248,7 +236,7 @@ class Scene:
 
     def _new_track(self, vehicle: int | None, actuator: str) -> Track:
         others = {track.root for track in self._tracks.values()}
-        return Track(self._rows, vehicle, actuator, others)
+        return Track(self._rows, vehicle, actuator, self._vehicle(vehicle).craft, others)
 
     def _equip(self, track: Track) -> None:
         """Set a track's limits and its surface in the airframe from the profile."""
@@ -262,20 +250,9 @@ class Scene:
                 track.detectors = {detector.fault: detector for detector in detectors_for(part)}
                 track.known_s = known_s
                 craft = self._vehicle(track.vehicle).craft
-                if not craft.surfaces:
+                if not craft.parts:
                     craft.fit({one.name: f"{one.surface} {one.name}" for one in airframe.actuators})
-                track.surface = craft.surfaces.get(track.actuator)
-
-    def _moved(self, verdict: Verdict) -> Iterator[Part]:
-        """Yield the surfaces of an axis that no telemetry of their own tells of."""
-        known = self._airframes.get(verdict.vehicle) or self._airframes.get(None)
-        servos = {int(servo) for text in verdict.surfaces for servo in re.findall(r"servo (\d+)", text)}
-        actuators = known[0].actuators if known else ()
-        surfaces = self._vehicle(verdict.vehicle).craft.surfaces
-        for part in (*verdict.surfaces, *(one.name for one in actuators if one.servo in servos)):
-            track = self._tracks.get((verdict.vehicle, part))
-            if part in surfaces and (track is None or track.condition == "unmonitored"):
-                yield surfaces[part]
+                track.parts = [track.actuator]
 
     def _log_text(self, time_s: float, level: str, text: str) -> None:
         self._rows.put("/events", [time_s], rr.TextLog.columns, text=[text], level=[level])

@@ -17,7 +17,7 @@ from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
 from mavhums.results.sections import AxisLimits
 from mavhums.results.verdict import OUTSIDE, Verdict
-from mavhums.show._craft import Part, vehicle_part
+from mavhums.show._craft import CraftModel, vehicle_part
 from mavhums.show._signals import ROWS_PER_CHUNK, Classes, RowWriter, Signals
 from mavhums.show.event_words import drawn, trace_words
 from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW, axis_levels, levels
@@ -53,6 +53,8 @@ class Track:
         The recording.
     vehicle, actuator
         Whose track it is; the entities lie under the paths of both.
+    craft
+        The vehicle's airframe.
     others
         Root paths of other tracks: names that differ in signs alone would share one.
 
@@ -60,10 +62,8 @@ class Track:
     ----------
     root
         The entity path of the actuator.
-    surface
-        The actuator's surface in the airframe; None without a profile.
-    moved
-        Surfaces of an axis that take its colour because they have no telemetry of their own.
+    parts
+        Names of the airframe's parts that have the colour of its condition.
     detectors
         Detectors by fault, with quantity and limits; empty without a profile.
     axis_limits
@@ -91,14 +91,18 @@ class Track:
     """
 
     def __init__(
-        self, rows: RowWriter, vehicle: int | None, actuator: str, others: Container[str] = ()
+        self,
+        rows: RowWriter,
+        vehicle: int | None,
+        actuator: str,
+        craft: CraftModel,
+        others: Container[str] = (),
     ) -> None:
-        self.vehicle, self.actuator = vehicle, actuator
+        self.vehicle, self.actuator, self._craft = vehicle, actuator, craft
         self.root = f"/{vehicle_part(vehicle)}/{path_part(actuator)}"
         while self.root in others:
             self.root += "_"
-        self.surface: Part | None = None
-        self.moved: list[Part] = []
+        self.parts: list[str] = []
         self.detectors: Mapping[str, Detector] = {}
         self.axis_limits = AxisLimits()
         self.traces: dict[str, str] = {}
@@ -274,8 +278,7 @@ class Track:
         self._first_s, self.last_s = min(self._first_s, first_s), max(self.last_s, last_s)
 
     def _move(self, time_s: Array, values: Array) -> None:
-        if self.surface:
-            self.surface.move(time_s, values)
+        self._craft.move(self.actuator, time_s, values)
 
     def _fall_silent(self, time_s: float) -> None:
         if not self.stale:
@@ -297,8 +300,8 @@ class Track:
             self._written.extend(self._states)
             self._states = []
             self._rows.put(self.root, times, rr.StateChange.columns, state=states)
-            for surface in (*self.moved, *((self.surface,) if self.surface else ())):
-                surface.colour(times, [_STATES[state] for state in states])
+            for part in self.parts:
+                self._craft.colour(part, times, [_STATES[state] for state in states])
 
     def _flush_limits(self) -> None:
         """Draw the limits of the indicators up to the latest data."""

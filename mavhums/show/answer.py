@@ -16,7 +16,7 @@ from mavhums.results.verdict import Verdict
 from mavhums.show.blocks import Block, Craft, Curves, Facts, Finding, Headline, Listing, Note
 from mavhums.show.event_words import event_lines, foremost
 from mavhums.show.headline import advice, headline, judged_vehicles, over_flights, remedy
-from mavhums.show.outline import FIXED_WING, multirotor, outline
+from mavhums.show.outline import FIXED_WING, motors, multirotor, outline, surfaces
 from mavhums.show.tables import ALL_ROWS, ROWS, indicators, provenance, usage, verdict_table
 from mavhums.show.verdict_words import certainty, explanation, finding, implausible, network_sentence
 from mavhums.show.words import (
@@ -314,11 +314,11 @@ def _crafts(assessment: Assessment) -> Iterator[Craft]:
     """Yield the outline of each vehicle whose parts are known, the first eight."""
     vehicles = dict.fromkeys(verdict.vehicle for verdict in assessment.verdicts)
     for vehicle in list(vehicles)[:_VEHICLES]:
-        own = [verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle]
-        outputs = [output for used in assessment.usage if used.vehicle == vehicle for output in used.outputs]
-        parts, body = multirotor(own, outputs)
-        if not parts:
-            parts, body = outline(own), FIXED_WING
+        if bearings := motors(assessment, vehicle):
+            own = [verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle]
+            parts, body = multirotor(bearings, own)
+        else:
+            parts, body = outline(surfaces(assessment, vehicle)), FIXED_WING
         if parts:
             title = f"Vehicle {vehicle}" if len(vehicles) > 1 else "The aircraft from above"
             yield Craft(title, parts, body)

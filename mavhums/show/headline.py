@@ -20,6 +20,7 @@ from mavhums.results.standing import Standing
 from mavhums.results.verdict import Evidence, Verdict
 from mavhums.show.blocks import Cell, Column, Headline, Mark, TableBlock
 from mavhums.show.event_words import gravest_event
+from mavhums.show.outline import outputs_of
 from mavhums.show.standing import mark_of, sentences, since_words, soonest_words
 from mavhums.show.verdict_words import LOSS, course, culprits, is_reliable, kept_percent
 from mavhums.show.words import capital, clock, name, names, place_of
@@ -154,10 +155,7 @@ def _who(verdict: Verdict, assessment: Assessment, *, by_axis: bool) -> str:
         vehicle = own.partition(": ")[0] + ": " if ": " in own else ""
         inferred = verdict.candidates and (verdict.candidates[0].probability or 0.0) > 0.0
         return f"{vehicle}{_either(parts, verdict.actuator)}{', probably' if inferred else ''}:"
-    outputs = [
-        output for used in assessment.usage if used.vehicle == verdict.vehicle for output in used.outputs
-    ]
-    for output in outputs:
+    for output in outputs_of(assessment, verdict.vehicle):
         if output.name == verdict.actuator:
             bearing = output.bearing_deg
             return f"{own} ({f'servo {output.servo}' if bearing is None else place_of(bearing)})"

@@ -1,16 +1,17 @@
-"""Where the surfaces of an airframe lie, by their names, and its outline from above, in colours."""
+"""The parts of an aircraft: whose condition each has, where it lies, and its outline from above."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice
 from math import cos, pi, radians, sin
 from typing import Final, NamedTuple
 
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OutputUsage
 from mavhums.results.verdict import ALL, Verdict
-from mavhums.show.words import join
 
 
 class Place(NamedTuple):
@@ -38,10 +39,11 @@ class Place(NamedTuple):
     mirrored: bool = False
 
 
+_UPRIGHT: Final = 90.0
 V_TAIL: Final = "ruddervator|v.?tail"
 _PLACES: Final[tuple[tuple[str, Place], ...]] = (
     (V_TAIL, Place(-0.86, 0.04, (0.06, 0.4), 0.12, 38.0)),
-    ("rudder", Place(-0.86, 0.03, (0.05, 0.36), 0.13, 90.0)),
+    ("rudder", Place(-0.86, 0.03, (0.05, 0.36), 0.13, _UPRIGHT)),
     ("elevator|stabil", Place(-0.86, 0.03, (0.04, 0.38), 0.12)),
     ("canard", Place(0.5, 0.02, (0.08, 0.34), 0.1)),
     ("spoiler|brake", Place(0.02, 0.05, (0.3, 0.62), 0.1)),
@@ -51,6 +53,8 @@ _PLACES: Final[tuple[tuple[str, Place], ...]] = (
 _ELSEWHERE: Final = Place(0.1, -0.3, (-0.6, 0.6), 0.1)
 _WHOLE: Final = ("elevator|stabil", "canard")
 _SIDED: Final = (V_TAIL, "spoiler|brake", "flaperon|elevon|aileron", "flap")
+_USUAL: Final = {"roll": "aileron", "pitch": "elevator", "yaw": "rudder"}  # where no name says which
+_SERVO: Final = re.compile(r"servo (\d+)")
 _LEFT, _RIGHT = (
     re.compile(r"left|port|(^|[_ -])l($|[_ -])"),
     re.compile(r"right|starboard|(^|[_ -])r($|[_ -])"),
@@ -92,14 +96,63 @@ def _slot(what: str, side: int, number: int, slots: Sequence[tuple[str, int]]) -
     return place._replace(span=span, roll=roll, mirrored=side == 0)
 
 
+class Part(NamedTuple):
+    """A part of an aircraft: the text that says where it lies, and the verdict whose condition it has."""
+
+    text: str
+    verdict: Verdict
+
+
+def surfaces(assessment: Assessment, vehicle: int | None) -> dict[str, Part]:
+    """Return the surfaces of a vehicle by their names.
+
+    A surface that is an actuator of its own has that actuator's condition, or its axis's where that is
+    graver or its own says nothing. Outputs without the name of a surface are where the axis that they move
+    usually has one, and so is an axis that fails and nothing is known to move.
+    """
+    outputs = outputs_of(assessment, vehicle)
+    named = {str(one.servo): one.name for one in outputs if one.name and one.named_by == "profile"}
+    found: dict[str, Part] = {}
+    for verdict in (one for one in assessment.verdicts if one.vehicle == vehicle):
+        usual = _USUAL.get(verdict.actuator, "") if verdict.subject == "axis" else ""
+        moved = verdict.surfaces if verdict.subject == "axis" else (verdict.actuator,)
+        if usual and not moved and SEVERITY[verdict.gravest] > SEVERITY["normal"]:
+            moved = (f"{usual}, output not known",)
+        for text in moved:
+            servo = _SERVO.search(text)
+            own = text.removesuffix(f" (moves with {verdict.actuator})")
+            name = named.get(servo[1], own) if servo else own
+            part = Part(text if kind(text) else f"{usual} {text}", verdict)
+            graver = name not in found or _weight(found[name].verdict) < _weight(verdict)
+            if text != ALL and kind(part.text) and graver:
+                found[name] = part
+    return found
+
+
+def motors(assessment: Assessment, vehicle: int | None) -> dict[str, float]:
+    """Return the motors of a multirotor by their names: the bearing of each, clockwise from the nose."""
+    outputs = outputs_of(assessment, vehicle)
+    return {one.name or "": one.bearing_deg for one in outputs if one.bearing_deg is not None}
+
+
+def outputs_of(assessment: Assessment, vehicle: int | None) -> list[OutputUsage]:
+    """Return the outputs of a vehicle."""
+    return [one for used in assessment.usage if used.vehicle == vehicle for one in used.outputs]
+
+
+def _weight(verdict: Verdict) -> int:
+    """Return what outranks what on a drawing: nothing known yields to any answer."""
+    unknown = verdict.gravest in ("unmonitored", "undecided")
+    return -1 if unknown else URGENCY[verdict.gravest]
+
+
 _SCALE: Final = 150.0
 _MIDDLE: Final = (160.0, 130.0)
 _FIN: Final = 0.05
 _MOST: Final = 32
 _HUB: Final = (160.0, 156.0)
 _ARM: Final = 105.0
-_DISC: Final = {4: 42.0, 6: 38.0}
-_SMALL_DISC: Final = 30.0  # eight of them do not overlap
+_DISC: Final = 42.0
 _CORNERS: Final = 24
 FIXED_WING: Final = (
     "160,14 170,34 171,220 166,276 154,276 149,220 150,34",
@@ -109,8 +162,6 @@ FIXED_WING: Final = (
     "220,238 166,232 166,260 220,260",
 )
 """Fuselage, wings and tailplane, each by its corners."""
-USUAL: Final = {"roll": "aileron", "pitch": "elevator", "yaw": "rudder"}
-"""The surface that moves an axis where no name says which."""
 
 
 class DrawnSurface(NamedTuple):
@@ -132,93 +183,61 @@ class DrawnSurface(NamedTuple):
         return f"{self.name}, by {self.by}" if self.by else self.name
 
 
-def outline(verdicts: Iterable[Verdict]) -> list[DrawnSurface]:
-    """Return the surfaces of one aircraft.
-
-    A surface that is an actuator of its own has that actuator's condition, or its axis's where that is
-    graver or its own says nothing. Names that are of no surface of a wing or a tail are left out; an axis
-    that only such outputs move, or that fails and nothing is known to move, is shown where its surface
-    usually is.
-    """
-    found: dict[str, tuple[Condition, str]] = {}
-    titles: dict[str, str] = {}
-    for verdict in verdicts:
-        moved = verdict.surfaces if verdict.subject == "axis" else (verdict.actuator,)
-        by = f"{verdict.actuator} control" if verdict.subject == "axis" else ""
-        fails = SEVERITY[verdict.gravest] > SEVERITY["normal"]
-        if by and not any(map(kind, moved)) and (moved or fails) and verdict.actuator in USUAL:
-            usual = USUAL[verdict.actuator]
-            own = [name.removesuffix(f" (moves with {verdict.actuator})") for name in moved]
-            titles.setdefault(usual, join(own or ["outputs not known"]))
-            moved = (usual,)
-        for name in moved:
-            if name != ALL and kind(name):
-                one = verdict.gravest, by
-                found[name] = max(found.get(name, one), one, key=lambda condition: _weight(condition[0]))
-    shown = list(found)[:_MOST]
-    return [
-        _part(name, *found[name], place)._replace(name=titles.get(name, name))
-        for name, place in zip(shown, places(shown), strict=True)
-    ]
+def outline(parts: Mapping[str, Part]) -> list[DrawnSurface]:
+    """Return the surfaces of one aircraft as they are drawn; of very many the first ones."""
+    shown = dict(islice(parts.items(), _MOST))
+    lie = places([part.text for part in shown.values()])
+    return [_drawn(name, part.verdict, place) for (name, part), place in zip(shown.items(), lie, strict=True)]
 
 
 def multirotor(
-    verdicts: Iterable[Verdict], outputs: Iterable[OutputUsage]
+    bearings_deg: Mapping[str, float], verdicts: Iterable[Verdict]
 ) -> tuple[list[DrawnSurface], tuple[str, ...]]:
-    """Return a multirotor's motors, and its body; both are empty where no output is known to drive a motor.
+    """Return a multirotor's motors, each with the condition of its verdict, and its body.
 
     A motor without a verdict of its own, beside one that failed, is undecided.
     """
-    motors = [(output.name or "", output.bearing_deg) for output in outputs if output.bearing_deg is not None]
-    if not motors:
-        return [], ()
     found = {verdict.actuator: verdict.gravest for verdict in verdicts if verdict.subject == "motor"}
-    radius = _DISC.get(len(motors), _SMALL_DISC)
+    radius = min(_DISC, 0.75 * _ARM * sin(pi / len(bearings_deg)))  # the discs do not overlap
     x0, y0 = _HUB
     parts, arms = [], []
-    for name, bearing in motors:
+    for name, bearing in bearings_deg.items():
         turn = radians(bearing)
         x, y = x0 + _ARM * sin(turn), y0 - _ARM * cos(turn)
         wide, long = 4 * cos(turn), 4 * sin(turn)
         corners = ((x0 - wide, y0 - long), (x0 + wide, y0 + long), (x + wide, y + long), (x - wide, y - long))
-        arms.append(" ".join(f"{a:.1f},{b:.1f}" for a, b in corners))
-        points = (_polygon(x, y, radius),)
-        parts.append(DrawnSurface(name, found.get(name, "undecided"), "", points, round(x, 1), round(y, 1)))
-    nose = f"{x0},{y0 - 40} {x0 + 8},{y0 - 26} {x0 - 8},{y0 - 26}"
-    return parts, (*arms, _polygon(x0, y0, 24.0), nose)
+        arms.append(_points(corners))
+        disc = (_polygon(x, y, radius),)
+        parts.append(DrawnSurface(name, found.get(name, "undecided"), "", disc, round(x, 1), round(y, 1)))
+    nose = ((x0, y0 - 40), (x0 + 8, y0 - 26), (x0 - 8, y0 - 26))
+    return parts, (*arms, _polygon(x0, y0, 24.0), _points(nose))
 
 
 def _polygon(x: float, y: float, radius: float) -> str:
     turns = [2 * pi * k / _CORNERS for k in range(_CORNERS)]
-    return " ".join(f"{x + radius * cos(turn):.1f},{y + radius * sin(turn):.1f}" for turn in turns)
+    return _points((x + radius * cos(turn), y + radius * sin(turn)) for turn in turns)
 
 
-def _weight(condition: Condition) -> int:
-    """Return what outranks what on a drawing: nothing known yields to any answer."""
-    return -1 if condition in ("unmonitored", "undecided") else URGENCY[condition]
+def _points(corners: Iterable[tuple[float, float]]) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
 
 
-def _part(name: str, condition: Condition, by: str, place: Place) -> DrawnSurface:
+def _drawn(name: str, verdict: Verdict, place: Place) -> DrawnSurface:
     """Return the drawing of a surface."""
-    corners = _corners(place, fin="rudder" in kind(name) and kind(name) != V_TAIL)
-    drawn = [(_MIDDLE[0] - _SCALE * y, _MIDDLE[1] - _SCALE * x) for x, y in corners]
-    middle = [sum(axis) / len(drawn) for axis in zip(*drawn, strict=True)]
-    mirrored = [(2 * _MIDDLE[0] - x, y) for x, y in drawn]
-    sides = [drawn, mirrored] if place.mirrored else [drawn]
-    points = tuple(" ".join(f"{x:.1f},{y:.1f}" for x, y in side) for side in sides)
-    return DrawnSurface(name, condition, by, points, round(middle[0], 1), round(middle[1], 1))
+    x0, y0 = _MIDDLE
+    drawn = [(x0 - _SCALE * y, y0 - _SCALE * x) for x, y in _corners(place)]
+    x, y = (round(sum(axis) / len(drawn), 1) for axis in zip(*drawn, strict=True))
+    sides = [drawn, [(2 * x0 - x, y) for x, y in drawn]] if place.mirrored else [drawn]
+    by = f"{verdict.actuator} control" if verdict.subject == "axis" else ""
+    return DrawnSurface(name, verdict.gravest, by, tuple(map(_points, sides)), x, y)
 
 
-def _corners(place: Place, *, fin: bool) -> Sequence[tuple[float, float]]:
+def _corners(place: Place) -> Sequence[tuple[float, float]]:
     """Return the corners seen from above: x forward, y left."""
     begin, end = place.span
-    back = place.x - place.chord
-    if fin:
-        return [(back, -_FIN), (back, _FIN), (back - place.chord, _FIN), (back - place.chord, -_FIN)]
+    front, back = place.x, place.x - place.chord
     flat = cos(radians(place.roll))
-    return [
-        (place.x, begin * flat),
-        (place.x, end * flat),
-        (back, end * flat),
-        (back, begin * flat),
-    ]
+    begin, end = begin * flat, end * flat
+    if place.roll == _UPRIGHT:
+        front, back, begin, end = back, back - place.chord, -_FIN, _FIN
+    return [(front, begin), (front, end), (back, end), (back, begin)]

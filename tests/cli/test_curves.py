@@ -66,7 +66,7 @@ def test_a_wing_without_a_profile_is_drawn_by_its_parameters(
     run("analyse", logs["wing"], "--rrd", tmp_path / "flight.rrd")
     _, texts = rows(tmp_path / "flight.rrd", "/events", "TextLog:text")
     assert [said for [said] in texts if said.startswith("roll: its reference is learned from ")]
-    drawn = [path for path in entities(tmp_path / "flight.rrd") if path.endswith("/surface")]
+    drawn = [path for path in entities(tmp_path / "flight.rrd") if path.endswith("/part")]
     servos = {"aileron": 1, "elevator": 2, "rudder": 4}
     names = [rf"{name}\ \(servo\ {servo}\)" for name, servo in servos.items()]
     assert [path.split("/")[-2] for path in sorted(drawn)] == names

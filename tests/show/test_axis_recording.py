@@ -13,6 +13,7 @@ pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 from mavhums import analyse
 from mavhums.app.settings import Options
 from mavhums.health.decision.events import Trace
+from mavhums.show._craft import CraftModel
 from mavhums.show._scene import Scene
 from mavhums.show._signals import RowWriter, open_stream
 from mavhums.show._tracks import Track
@@ -75,7 +76,7 @@ def test_the_demanded_and_the_flown_angle_are_drawn(recorded: tuple[Path, Any]) 
 
 
 def test_surfaces_without_telemetry_have_the_colour_of_their_axis(recorded: tuple[Path, Any]) -> None:
-    paths = {path for path in entities(recorded[0]) if path.endswith("surface")}
+    paths = {path for path in entities(recorded[0]) if path.endswith("part")}
     [aileron] = [path for path in paths if "aileron" in path]
     [elevator] = [path for path in paths if "elevator" in path]
     assert len(rows(recorded[0], aileron, "Boxes3D:colors")[0]) > 2
@@ -110,8 +111,9 @@ def test_where_nothing_is_wrong_what_was_judged_has_the_first_lane(tmp_path: Pat
 
 
 def test_names_that_differ_in_signs_alone_have_lanes_of_their_own() -> None:
-    first = Track(RowWriter(open_stream("x"), live=False), 1, "left aileron")
-    other = Track(RowWriter(open_stream("x"), live=False), 1, "left-aileron", {first.root})
+    writer = RowWriter(open_stream("x"), live=False)
+    first = Track(writer, 1, "left aileron", CraftModel(writer, 1))
+    other = Track(writer, 1, "left-aileron", CraftModel(writer, 1), {first.root})
     assert (first.root, other.root) == ("/vehicle_1/left_aileron", "/vehicle_1/left_aileron_")
 
 

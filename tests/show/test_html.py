@@ -15,13 +15,14 @@ from mavhums.app.analysis import analyse
 from mavhums.engine.events import Notice
 from mavhums.health.decision.events import Indication, Trace
 from mavhums.results.assessment import Assessment
+from mavhums.results.sections import VehicleUsage
 from mavhums.results.verdict import Coverage, Evidence, Suspect, Verdict
 from mavhums.show.blocks import Craft
 from mavhums.show.curves import Curve, EvidenceCollector
 from mavhums.show.evidence import CaptionedCurve, Limit
 from mavhums.show.html import page
 from mavhums.show.html_plot import plot
-from mavhums.show.outline import outline
+from mavhums.show.outline import DrawnSurface, outline, surfaces
 from tests.conftest import REAL_LOGS, needs
 from tests.flights import shown
 from tests.present import present
@@ -157,19 +158,38 @@ def test_a_pause_is_not_bridged_and_levels_lie_where_they_belong() -> None:
     assert single.line.count("L") == 1
 
 
+def drawn_of(*verdicts: Verdict, usage: tuple[VehicleUsage, ...] = ()) -> list[DrawnSurface]:
+    return outline(surfaces(new_assessment(*verdicts, usage=usage), 1))
+
+
 def test_a_surface_has_the_condition_of_what_is_known_of_it() -> None:
     silent = new_verdict("elevator", "undecided", 0.0, None, condition="unmonitored", worst="unmonitored")
     axis: dict[str, object] = {"subject": "axis", "actuator": "pitch", "surfaces": ("elevator",)}
     pitch = new_verdict("elevator", "emergency", 0.2, 5.0, **axis)
     motor = new_verdict("elevator", "normal", 0.2, 0.0, actuator="motor_1")
-    (part,) = outline([silent, pitch, motor])
+    (part,) = drawn_of(silent, pitch, motor)
     assert (part.name, part.condition) == ("elevator", "emergency")
     inferred = pitch.model_copy(update={"surfaces": ("servo 2 (moves with pitch)",)})
-    (part,) = outline([inferred])
+    (part,) = drawn_of(inferred)
     assert (part.name, part.by, part.condition) == ("servo 2", "pitch control", "emergency")
     unknown = pitch.model_copy(update={"actuator": "yaw", "surfaces": ()})
-    assert [(part.by, part.condition) for part in outline([unknown])] == [("yaw control", "emergency")]
-    assert outline([unknown.model_copy(update={"condition": "undecided", "worst": "undecided"})]) == []
+    assert [(part.by, part.condition) for part in drawn_of(unknown)] == [("yaw control", "emergency")]
+    assert drawn_of(unknown.model_copy(update={"condition": "undecided", "worst": "undecided"})) == []
+
+
+def test_a_surface_that_profile_and_parameters_name_is_drawn_once() -> None:
+    own = new_verdict("aileron_left", "normal")
+    axis: dict[str, object] = {"subject": "axis", "actuator": "roll", "surfaces": ("left aileron (servo 1)",)}
+    roll = new_verdict("aileron_left", "emergency", 0.2, 5.0, **axis)
+    output = {
+        "servo": 1, "name": "aileron_left", "named_by": "profile", "commanded": True, "range_us": None,
+        "least_us": 1000, "greatest_us": 2000, "span": None, "travelled_us": 1, "travelled": None,
+        "reversals": 1, "held_s": 1.0, "at_low_s": None, "at_high_s": None, "mean_us": None,
+    }  # fmt: skip
+    flown = {"kind": None, "firmware": None, "armed_s": None, "forward_s": 0.0}
+    used = VehicleUsage.model_validate({"vehicle": 1, "outputs": (output,), **flown})
+    (part,) = drawn_of(own, roll, usage=(used,))
+    assert (part.name, part.by, part.condition) == ("aileron_left", "roll control", "emergency")
 
 
 def test_labels_stand_beside_the_curve_and_apart() -> None:
@@ -267,11 +287,11 @@ def test_each_alarm_of_a_real_flight_shows_its_curve(log: str, tmp_path: Path) -
 def test_no_side_is_drawn_that_the_log_does_not_name() -> None:
     roll = Verdict(subject="axis", vehicle=1, actuator="roll", condition="emergency", worst="emergency")
     unnamed = roll.model_copy(update={"surfaces": ("aileron (servo 1)", "aileron (servo 9)")})
-    parts = outline([unnamed])
+    parts = drawn_of(unnamed)
     assert [len(part.points) for part in parts] == [2, 2]
     assert len({corners for part in parts for corners in part.points}) == 4, "none hides another"
     assert "does not name its side" in Craft("", parts, ()).note
     named = roll.model_copy(update={"surfaces": ("aileron left (servo 1)", "aileron right (servo 2)")})
-    left, right = outline([named])
+    left, right = drawn_of(named)
     assert left.x < right.x
     assert not Craft("", [left, right], ()).note

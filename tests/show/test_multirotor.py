@@ -16,7 +16,7 @@ from mavhums.show.curves import EvidenceCollector
 from mavhums.show.headline import headline
 from mavhums.show.html import page
 from mavhums.show.markdown_report import markdown
-from mavhums.show.outline import multirotor
+from mavhums.show.outline import motors, multirotor
 from mavhums.show.tables import usage
 from mavhums.show.words import place_of
 from tests.show.conftest import new_assessment
@@ -46,7 +46,7 @@ def assessment() -> Assessment:
 
 
 def test_each_motor_is_drawn_where_it_sits(assessment: Assessment) -> None:
-    parts, body = multirotor(assessment.verdicts, assessment.usage[0].outputs)
+    parts, body = multirotor(motors(assessment, 1), assessment.verdicts)
     assert [part.name for part in parts] == list(PLACES)
     assert [part.condition for part in parts] == ["undecided", "undecided", "emergency", "undecided"]
     middle_x, middle_y = 160.0, 156.0
@@ -54,7 +54,7 @@ def test_each_motor_is_drawn_where_it_sits(assessment: Assessment) -> None:
         assert (part.x > middle_x) == (PLACES[part.name] > 0), "right of the nose is right"
         assert (part.y < middle_y) == (abs(PLACES[part.name]) < 90), "the nose is up"
     assert len(body) == len(parts) + 2
-    assert multirotor(assessment.verdicts, ()) == ([], ())
+    assert motors(assessment, 2) == {}
 
 
 def test_report_and_tables_speak_of_motors(assessment: Assessment) -> None:
@@ -87,7 +87,7 @@ def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment,
     changes = 0
     for part in chunk.RrdReader(path).stream():
         columns = part.to_record_batch().schema.names
-        if part.entity_path.endswith("/disc") and any("colors" in column for column in columns):
+        if part.entity_path.endswith("/part") and any("colors" in column for column in columns):
             name = part.entity_path.split("/")[-2].replace("\\", "")
             coloured.setdefault(name, []).append(part.is_static)
             changes += part.to_record_batch().num_rows
