@@ -18,15 +18,12 @@ from mavhums.results.assessment import Assessment
 from mavhums.show._craft import Vehicle, craft_path
 from mavhums.show._signals import RowWriter
 from mavhums.show._tracks import Track, path_part
-from mavhums.show.blocks import Mark
 from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
 from mavhums.show.event_words import FRAME, event_words, trace_words
 from mavhums.show.headline import judged_vehicles
-from mavhums.show.markdown_report import draw, markdown
-from mavhums.show.now import report_blocks
+from mavhums.show.markdown_report import markdown
 from mavhums.show.outline import motors, surfaces
 from mavhums.show.tables import listed
-from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, name
 from mavhums.vehicle.states import Attitude, FlightMode, Position
 
@@ -54,7 +51,6 @@ class Scene:
         self._vehicles: dict[int | None, Vehicle] = {}
         self._tracks: dict[tuple[int | None, str], Track] = {}
         self._frames: dict[int, Track] = {}
-        self._report = ""
         self._state_s = 0.0
 
     @property
@@ -166,22 +162,6 @@ class Scene:
         for key, track in self._tracks.items():
             if "thrust" in track.traces and key not in judged:  # a motor beside one that failed
                 yield self._lane(track, track.condition, track.worst)
-
-    def live_report(self) -> None:
-        """Write the report so far; not as static data, so that a viewer may drop older ones."""
-        rows = []
-        for track in self.ranked():
-            seen = track.latest
-            words = class_words(seen.network, seen.probability) if seen else "—"
-            evidence = (seen.friction_nm if seen else None, words)
-            mark = Mark(track.condition, f"{track.condition}, stale" if track.stale else "")
-            rows.append((self._title(track), mark, *evidence, track.since_s))
-        text = draw(report_blocks(rows))
-        if text != self._report:
-            self._report = text
-            shown = {"text": [text], "media_type": [rr.MediaType.MARKDOWN]}
-            self._rows.put("/report", [self.last_s], rr.TextDocument.columns, **shown)
-            self._rows.flush()
 
     def live_shape(self) -> tuple[list[Lane], Surroundings]:
         """Return what determines the layout for live use, with the worst actuator first."""

@@ -174,10 +174,10 @@ _STYLE: Final = rr.SeriesLines(
 
 
 class Classes:
-    """Writes the probability of an emergency and the class of each sample, and the class of each window.
+    """Writes the probability of an emergency of each sample, and the class of each window.
 
-    A recording of a long flight is thinned so that no class within a group is lost. A class is written where
-    it changes.
+    A recording of a long flight is thinned to the extremes of the probability. A class is written where it
+    changes.
 
     Parameters
     ----------
@@ -191,58 +191,36 @@ class Classes:
     """
 
     def __init__(self, rows: RowWriter, path: str) -> None:
-        self.any = False
+        self.any = self._styled = False
         self._rows, self._path, self._gaps = rows, path, _Gaps()
-        self._names: list[str] = [ABSTAINED]
-        self._take = rows.thinned(2, _CAPACITY, self._draw)
-        self._lane = _Lane(rows, f"{path}/class/samples")
-        self._of_windows = _Lane(rows, f"{path}/class/windows")
-        self._styled = False
+        self._take = rows.thinned(1, _CAPACITY, self._draw)
+        self._known: list[str] = []
+        self._last = ""
 
     def add(self, event: Classified) -> None:
-        """Add what a network says of each sample; before it says anything there is nothing to draw."""
-        if not event.time_s.size or not (self._styled or (event.said >= 0).any()):
-            return
-        if not self._styled:
+        """Add what a network says of each sample."""
+        answered = event.inside & (event.said >= 0)
+        if answered.any() and not self._styled:
             self.any = self._styled = True
             self._rows.style(f"{self._path}/samples", _STYLE)
-        self._names += [name for name in event.classes if name not in self._names]
-        codes = np.array([*map(self._names.index, event.classes), 0])[event.said]
-        answered = event.inside & (event.said >= 0)
-        shown = np.where(answered, event.p_emergency, np.nan)
-        self._take(event.time_s, np.column_stack([shown, np.where(answered, codes, 0)]))
+        if self._styled and event.time_s.size:
+            self._take(event.time_s, np.where(answered, event.p_emergency, np.nan)[:, None])
 
     def _draw(self, time: Array, values: Array) -> None:
-        self._lane.write(time, np.array(self._names)[values[:, 1].astype(np.int64)])
-        time, shown = self._gaps.marked(time, values[:, 0])
-        self._rows.put(f"{self._path}/samples", time, rr.Scalars.columns, scalars=shown)
+        time, values = self._gaps.marked(time, values)
+        self._rows.put(f"{self._path}/samples", time, rr.Scalars.columns, scalars=values)
 
     def add_window(self, time_s: float, said: str | None) -> None:
         """Write the class of a window, at its middle; one about which no network was asked is no class."""
         self.any |= said is not None
-        if self.any:
-            self._of_windows.write(np.array([time_s]), np.array([said or ABSTAINED]))
-
-
-class _Lane:
-    """Writes classes where they change, and their colours when a new one comes."""
-
-    def __init__(self, rows: RowWriter, path: str) -> None:
-        self._rows, self._path = rows, path
-        self._known: list[str] = []
-        self._last = ""
-
-    def write(self, time: Array, said: NDArray[np.str_]) -> None:
-        """Write the class of each time, shape (n,)."""
-        turns = np.flatnonzero(said != np.concatenate([[self._last], said[:-1]]))
-        states: list[str] = said[turns].tolist()
-        if not states:
+        state = said or ABSTAINED
+        if not self.any or state == self._last:
             return
-        if not {*states} <= {*self._known}:
-            self._known += [name for name in dict.fromkeys(states) if name not in self._known]
-            self._rows.style(self._path, _states(self._known))
-        self._last = states[-1]
-        self._rows.put(self._path, time[turns], rr.StateChange.columns, state=states)
+        path, self._last = f"{self._path}/class", state
+        if state not in self._known:
+            self._known.append(state)
+            self._rows.style(path, _states(self._known))
+        self._rows.put(path, [time_s], rr.StateChange.columns, state=[state])
 
 
 def _states(names: list[str]) -> rr.StateConfiguration:

@@ -78,10 +78,6 @@ class Track:
         The current condition, and the worst condition so far.
     stale
         Whether the actuator's telemetry is silent.
-    since_s
-        Flight time of the onset of the current condition; None before the first decision.
-    latest
-        The latest window with evidence.
     cause
         The fault that caused the worst condition.
     faults
@@ -111,8 +107,6 @@ class Track:
         self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
         self.stale = False
-        self.since_s: float | None = None
-        self.latest: Window | None = None
         self.last_s = 0.0
         self.cause = "friction"
         self.faults: dict[str, str] = {}
@@ -165,8 +159,6 @@ class Track:
         """Add the results of a window."""
         self._note_span(event.start_s, event.end_s)
         self.condition = event.condition
-        if event.friction_nm is not None or event.network is not None:
-            self.latest = event
         middle_s = (event.start_s + event.end_s) / 2
         self._classes.add_window(middle_s, event.network)
         found, vote = event.friction_nm, event.p_fault
@@ -215,7 +207,7 @@ class Track:
         if self._state_s is None and event.since_s > self._first_s:
             self._state(self._first_s, event.before)
         self._state(event.since_s, event.after)
-        self.condition, self.since_s = event.after, event.since_s
+        self.condition = event.after
         if SEVERITY[event.after] >= SEVERITY[self.worst]:
             self.cause = event.fault
         self.worst = max(self.worst, event.after, key=SEVERITY.__getitem__)

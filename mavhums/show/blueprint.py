@@ -133,11 +133,10 @@ def layout(lanes: Sequence[Lane], around: Surroundings | None = None, *, live: b
         name="Condition of every axis and actuator",
         time_view=_whole_flight(),
     )
-    report = rrb.TextDocumentView(origin="/report", name="Report")
+    views = rrb.Vertical(conditions, below, row_shares=[share, 1 - share])
+    report = rrb.TextDocumentView(origin="/report", name="Report")  # there is none before the end
     return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(conditions, below, row_shares=[share, 1 - share]), report, column_shares=[3, 1]
-        ),
+        views if live else rrb.Horizontal(views, report, column_shares=[3, 1]),
         # The viewer's own panels, minimised, with the cursor at the end of the flight.
         rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
         rrb.BlueprintPanel(state="hidden"),
@@ -218,7 +217,7 @@ def _network(root: str, axis: rrb.TimeAxis) -> rrb.Container:
     plot = _plot("P(fault)", contents, axis, legend=True, span=(-0.05, 1.05))
     lane = rrb.StateTimelineView(
         origin="/",
-        contents=[f"{root}/network/class/windows", f"{root}/network/class/samples"],
+        contents=[f"{root}/network/class"],
         name="Network: classes",
         time_view=axis,
     )

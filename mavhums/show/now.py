@@ -1,19 +1,28 @@
-"""The blocks of a flight in progress: its state now, what has changed, and the report so far."""
+"""The blocks of a flight in progress: its state now, and what has changed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from typing import Final
 
-from mavhums.core.about import NOTICE
 from mavhums.core.conditions import Condition
 from mavhums.results.live import ActuatorStatus, AlertObject, ConditionObject, LinkStatus, StatusObject
-from mavhums.results.verdict import Interval
 from mavhums.show.blocks import NOTHING, Block, Cell, Column, Headline, Mark, Note, TableBlock, table
 from mavhums.show.verdict_words import class_words
 from mavhums.show.words import clock, condition_word, counted, friction
 
-_SUBJECT, _CONDITION = Column("actuator"), Column("condition", "word")
-_FRICTION, _NETWORK = Column("friction, N·m", "figure", 1), Column("network", "figure", 2)
+_COLUMNS: Final = (
+    Column("vehicle", "word"),
+    Column("actuator"),
+    Column("condition", "word"),
+    Column("friction, N·m", "figure", 1),
+    Column("network", "figure", 2),
+    Column("rate", "figure", 3),
+    Column("age", "figure", 2),
+    Column("late", "figure", 4),
+    Column("worst", "word", 5),
+    Column("reason", "text", 6),
+)
 
 
 def status_blocks(status: StatusObject, title: str, latest: Sequence[str] = ()) -> list[Block]:
@@ -59,10 +68,7 @@ def _actuators(actuators: Sequence[ActuatorStatus]) -> TableBlock:
         ]
         for one in actuators
     ]
-    figures = (Column("rate", "figure", 3), Column("age", "figure", 2), Column("late", "figure", 4))
-    last = (Column("worst", "word", 5), Column("reason", "text", 6))
-    columns = (Column("vehicle", "word"), _SUBJECT, _CONDITION, _FRICTION, _NETWORK, *figures, *last)
-    return table("", columns, rows)
+    return table("", _COLUMNS, rows)
 
 
 def _now(one: ActuatorStatus) -> Mark:
@@ -106,26 +112,3 @@ def latest_line(change: ConditionObject | AlertObject) -> str:
 def alert_line(alert: AlertObject) -> str:
     """Return an alert that was sent in words."""
     return f"sent to the ground station: {alert.text}"
-
-
-def report_blocks(rows: Iterable[tuple[str, Mark, Interval | None, str, float | None]]) -> list[Block]:
-    """Return the report so far.
-
-    Parameters
-    ----------
-    rows
-        The worst first: name, condition, friction, what the network says, and since when it is so, s.
-    """
-    cells: list[list[Cell]] = [
-        [
-            title,
-            [mark],
-            friction(torque) if torque else NOTHING,
-            network,
-            NOTHING if since_s is None else clock(since_s),
-        ]
-        for title, mark, torque, network, since_s in rows
-    ]
-    columns = (_SUBJECT, _CONDITION, _FRICTION, _NETWORK, Column("since", "figure", 3))
-    end = "The report at the end of the flight gives reasons and advice."
-    return [Headline("Now"), Note([NOTICE], quiet=True), table("", columns, cells), Note([end])]

@@ -382,7 +382,6 @@ class LiveViewer:
         if not self._scene.tracks:
             return
         self._scene.flush()
-        self._scene.live_report()
         shape = self._scene.live_shape()
         if shape != self._laid_out:
             from mavhums.show.blueprint import layout

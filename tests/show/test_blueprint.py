@@ -47,6 +47,8 @@ def test_the_answer_comes_first_then_the_worst_actuator(assessment: Assessment) 
     ]
     assert found.index("rudder: undecided") < found.index("aileron_left: normal") < found.index(EVENTS)
     assert found[-1] == "Report"
+    live = layout([Lane("/vehicle_1/elevator", "elevator", "normal", "normal", ALL)], live=True)
+    assert [*names(live.root_container)][-1] == EVENTS
 
 
 def test_all_twelve_quantities_are_named_with_their_units(assessment: Assessment) -> None:

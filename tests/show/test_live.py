@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rerun", reason="the viewer needs the extra 'viewer'")
 
-from tests.show.test_recording import entities, rows, scalars, static, write
+from tests.show.test_recording import entities, scalars, static, write
 
 
 def follow(url: str, path: Path) -> subprocess.Popen[bytes]:
@@ -65,25 +65,6 @@ def test_who_follows_sees_what_a_recording_has(
         np.testing.assert_array_equal(found[:, 0], whole[:, 4])
         assert static(path, "/report")["TextDocument:text"][0].startswith("# EMERGENCY: elevator: ")
     assert entities(kept) == entities(seen)
-
-
-@pytest.mark.slow
-def test_the_report_is_kept_up_to_date(
-    tmp_path: Path, flight: Flight, assessment: Assessment, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("mavhums.show.viewer._EVERY_S", 0.0)
-    seen = tmp_path / "seen.rrd"
-    with LiveViewer("serve", recording_id="flight") as viewer:
-        follower = follow(viewer.url, seen)
-        events = list(flight.events())
-        viewer.consume(events[: len(events) // 2])
-        viewer.consume(events[len(events) // 2 :])
-        viewer.close(assessment)
-        finished(follower, seen)
-    _, texts = rows(seen, "/report", "TextDocument:text")
-    assert len(texts) == 2
-    assert "| elevator | **DEGRADED** | 0.5" in texts[0][0]
-    assert "| elevator | **EMERGENCY** | " in texts[1][0]
 
 
 @pytest.mark.slow
