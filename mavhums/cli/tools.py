@@ -163,6 +163,7 @@ def show_model(name: str | None, as_json: bool) -> None:
     from mavhums.show.inspection import card_blocks
 
     draw(card_blocks(network))
+    say(f"Made by: {network.card.command}")  # drawn, a long line wraps; this one is to be copied
 
 
 @click.group(short_help="Draft an airframe profile, identify its motors.")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Final
 
@@ -13,19 +12,21 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
 from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.verdict import Verdict
-from mavhums.show.blocks import Block, Craft, Curves, Facts, Finding, Headline, Listing, Note
+from mavhums.show.blocks import Block, Craft, Curves, Finding, Headline, Listing, Note
 from mavhums.show.event_words import event_lines, foremost
 from mavhums.show.headline import advice, headline, judged_vehicles, over_flights, remedy
 from mavhums.show.outline import FIXED_WING, motors, multirotor, outline, surfaces
 from mavhums.show.tables import ALL_ROWS, ROWS, indicators, provenance, usage, verdict_table
 from mavhums.show.verdict_words import certainty, explanation, finding, implausible, network_sentence
 from mavhums.show.words import (
+    TOKEN,
     capital,
     clock,
     flight_notes,
     grave_losses,
     join,
     losses,
+    merged,
     moment,
     name,
     names,
@@ -40,10 +41,10 @@ _FOUND: Final = 2  # findings that a short answer has; of the others it has the 
 _UNKNOWN: Final = 2  # reasons of a short answer why something is not judged; none beside what is wrong
 _FIRST, _LAST = 20, 20  # findings of a full one
 _LINE: Final = 100  # letters of a note that a short answer has whole
-_TOKEN: Final = re.compile(r'"[^"]*"|[\w.]*\w|\W')
 _PROOF: Final = 2  # curves of what is wrong that come before the tables
 _VEHICLES: Final = 8
 _OPEN: Final[tuple[Condition, ...]] = ("changed", "learning", "unchanged", "normal", "undecided")
+_NOT_NORMAL: Final = ("Over the flights", "Values in doubt")
 _HOW_TO_READ: Final = (
     "Dashed: what the line is compared with. Dotted: since when. Shaded: 95 % interval; grey: where the "
     "reference was learned. Below: flight modes, and strokes where something happened."
@@ -76,7 +77,6 @@ def blocks(
     found = [
         *(_faulty(one, rest, _LATEST[one is not faulty[0]] if brief else None) for one in faulty[:ROWS]),
         *(one for condition in _OPEN for one in _by_reason(rest, condition, brief=brief)),
-        *(Finding(f"{name(v, rest)}: values in doubt", None, [odd]) for v, odd in _doubtful(rest)),
     ]
     if faulty:
         found = [one._replace(todo="" if one.todo in head.todo else one.todo) for one in found]
@@ -89,14 +89,15 @@ def blocks(
         ]
     over = [
         *_listing("Over the flights", over_flights(rest)),
-        *_listing("Physics and network", _network(rest)),
+        *_listing("Values in doubt", _once(rest.ranked(), implausible, rest)),
+        *_listing("Physics and network", _once(rest.ranked(), network_sentence, rest)),
     ]
     if brief:
         middle = [*_notes([*first, *_happened(assessment)]), *verdict_table(rest, brief=True)]
         unknown = [one for one in found if one.condition in ("undecided", "learning")]
         unsaid = unknown[0 if faulty else _UNKNOWN :]
         found = [one for one in found if one not in unsaid]
-        also = [f"{one.title} {one.condition or ''}".rstrip() for one in found[_FOUND:]]
+        also = [f"{one.title} {one.condition}" for one in found[_FOUND:]]
         left = [f"Also: {join(also)}"] if also else []
         left += [f"Not judged: {join(one.title for one in unsaid)}"] if unsaid else []
         return [
@@ -105,7 +106,6 @@ def blocks(
             *over,
             _end_of_brief(assessment),
         ]
-    notes = [f"{note}." for note in flight_notes(assessment)]
     proof, more = _curves(rest, gathered, faulty=bool(faulty))
     well = [one for one in rest.ranked() if one not in faulty and one.coverage.windows][:ROWS]
     return [
@@ -122,13 +122,13 @@ def blocks(
         *_by_reason(rest, "unmonitored", brief=False),
         *over,
         *(_crafts(rest) if gathered is not None else ()),
-        *_listing("How sure", (f"{name(one, rest)}: {_how_sure(one)}" for one in well)),
+        *_listing("How sure", _once(well, _how_sure, rest)),
         *more,
         *(usage(used, several=len(rest.usage) > 1) for used in rest.usage),
         *_listing("Events of the flight", event_lines(assessment)),
-        _log(assessment, notes),
+        _log(assessment),
         *_texts(gathered),
-        *provenance(rest),
+        *([origins] if (origins := provenance(rest)) else []),
         Note([f"mavhums {__version__}. {capital(assessment.notice)}."], quiet=True),
     ]
 
@@ -176,13 +176,6 @@ def _file(assessment: Assessment) -> str:
     return PurePath(path.replace("\\", "/")).name if path else "a live link"
 
 
-def _doubtful(assessment: Assessment) -> Iterator[tuple[Verdict, str]]:
-    """Yield the verdicts with values that no such actuator can have, and how many."""
-    for verdict in assessment.ranked():
-        if odd := implausible(verdict):
-            yield verdict, odd
-
-
 def _texts(gathered: EvidenceCollector | None) -> list[Block]:
     """Return the texts from the vehicle."""
     texts = gathered.notices() if gathered is not None else []
@@ -210,7 +203,7 @@ def not_normal(assessment: Assessment) -> list[Block]:
 def _is_not_normal(block: Block) -> bool:
     if isinstance(block, Headline):
         return block.condition not in ("normal", "unchanged", "unmonitored")
-    return isinstance(block, Finding) or (isinstance(block, Listing) and block.title == "Over the flights")
+    return isinstance(block, Finding) or (isinstance(block, Listing) and block.title in _NOT_NORMAL)
 
 
 def _faulty(verdict: Verdict, assessment: Assessment, latest: int | None) -> Finding:
@@ -261,36 +254,26 @@ def _by_reason(assessment: Assessment, condition: Condition, *, brief: bool) -> 
                 why, todo = why.partition("; ")[0], todo.partition("; ")[0]
                 todo = "" if condition == "normal" else todo
             alike = (verdict.reason_codes[:1] if brief else verdict.reason_codes) or why
-            key = (alike, *(len(_TOKEN.findall(text)) for text in (why, todo)))
+            key = (alike, *(len(TOKEN.findall(text)) for text in (why, todo)))
             groups.setdefault(key, []).append((verdict, why, todo))
     for own in groups.values():
         verdicts, whys, todos = zip(*own, strict=True)
-        why, todo = _merged(whys), _merged(todos)
+        why, todo = merged(whys), merged(todos)
         reasons = {one for each in verdicts for one in (each.reason or why).rstrip(".").split("; ")[1:]}
         more = f" (and {len(reasons)} more: --verbose)" if brief and reasons else ""
         where = " (mavhums inspect LOG shows how)" if todo == TO_BE_JUDGED else ""
         yield Finding(names(verdicts, assessment), condition, [f"{why}{more}"], f"{todo}{where}")
 
 
-def _merged(texts: Sequence[str]) -> str:
-    """Return like texts as one, in which the words that differ are joined.
-
-    Examples
-    --------
-    >>> _merged(["12 % of roll, 30 % are needed", "4 % of yaw, 30 % are needed"])
-    '12 and 4 % of roll and yaw, 30 % are needed'
-    """
-    columns = zip(*map(_TOKEN.findall, texts), strict=True)
-    return "".join(join(dict.fromkeys(column)) for column in columns)
-
-
-def _network(assessment: Assessment) -> list[str]:
-    """Return what the networks say beside the physics, once for all actuators of which they say the same."""
-    said: dict[str, list[str]] = {}
-    for verdict in assessment.ranked():
-        if sentence := network_sentence(verdict):
-            said.setdefault(sentence, []).append(name(verdict, assessment))
-    return [f"{join(names)}: {sentence}" for sentence, names in said.items()]
+def _once(
+    verdicts: Iterable[Verdict], said_of: Callable[[Verdict], str | None], assessment: Assessment
+) -> Iterator[str]:
+    """Yield what is said of verdicts, once for all of which the same is said."""
+    alike: dict[str, list[Verdict]] = {}
+    for verdict in verdicts:
+        if sentence := said_of(verdict):
+            alike.setdefault(sentence, []).append(verdict)
+    yield from (f"{names(own, assessment)}: {sentence}" for sentence, own in alike.items())
 
 
 def _curves(
@@ -324,22 +307,25 @@ def _crafts(assessment: Assessment) -> Iterator[Craft]:
             yield Craft(title, parts, body)
 
 
-def _log(assessment: Assessment, notes: Sequence[str]) -> Facts:
+def _log(assessment: Assessment) -> Listing:
     log = assessment.log
-    pairs = [
-        ("File", f"{_file(assessment)} ({log.format or 'format not known'})"),
-        ("Start", moment(log.start_utc) if log.start_utc else "not known"),
-        ("Duration", clock(log.duration_s)),
-        ("Losses", losses(log.losses)),
-        *(("Flight", note.rstrip(".")) for note in notes),
+    lines = [
+        f"File: {_file(assessment)} ({log.format or 'format not known'})",
+        f"Start: {moment(log.start_utc) if log.start_utc else 'not known'}",
+        f"Duration: {clock(log.duration_s)}",
+        f"Losses: {losses(log.losses)}",
+        *(f"Flight: {note}" for note in flight_notes(assessment)),
     ]
     for flight in log.flight[: 2 * _VEHICLES]:
         vehicle = f"Vehicle {flight.vehicle}" if flight.vehicle is not None else "Vehicle"
         switched_on = moment(flight.boot_utc) if flight.boot_utc else "at a time not known"
-        pairs.append((vehicle, f"board {flight.board or 'not known'}; switched on {switched_on}"))
-    pairs += [
-        ("Airframe", assessment.airframe or "none named"),
-        ("Network", assessment.model.name if assessment.model else "none"),
-        ("SHA-256", log.sha256 or "not known"),
-    ]
-    return Facts("The log", pairs)
+        lines.append(f"{vehicle}: board {flight.board or 'not known'}; switched on {switched_on}")
+    return Listing(
+        "The log",
+        [
+            *lines,
+            f"Airframe: {assessment.airframe or 'none named'}",
+            f"Network: {assessment.model.name if assessment.model else 'none'}",
+            f"SHA-256: {log.sha256 or 'not known'}",
+        ],
+    )

@@ -89,7 +89,7 @@ class Finding(NamedTuple):
     """What was found about a subject: why, what to do, and facts by name; ``table`` has the estimates."""
 
     title: str
-    condition: Condition | None
+    condition: Condition
     why: Sequence[str]
     todo: str = ""
     facts: Sequence[tuple[str, str]] = ()
@@ -101,13 +101,6 @@ class Listing(NamedTuple):
 
     title: str
     lines: Sequence[str]
-
-
-class Facts(NamedTuple):
-    """Names and values under a title."""
-
-    title: str
-    pairs: Sequence[tuple[str, str]]
 
 
 class Curves(NamedTuple):
@@ -133,7 +126,7 @@ class Craft(NamedTuple):
         return "An output that is drawn on both sides moves both, or the log does not name its side." * sides
 
 
-Block: TypeAlias = Headline | Note | TableBlock | Finding | Listing | Facts | Curves | Craft
+Block: TypeAlias = Headline | Note | TableBlock | Finding | Listing | Curves | Craft
 
 
 def table(title: str, columns: Sequence[Column], rows: Iterable[Sequence[Cell]]) -> TableBlock:

@@ -9,7 +9,7 @@ from mavhums.core.models import Contract
 from mavhums.core.output import printable
 from mavhums.core.quantities import QUANTITIES
 from mavhums.results.assessment import Inspection, Judgeable, VehicleTelemetry
-from mavhums.show.blocks import NOTHING, Block, Cell, Column, Facts, Headline, Listing, Note, TableBlock
+from mavhums.show.blocks import NOTHING, Block, Cell, Column, Headline, Listing, Note, TableBlock
 from mavhums.show.headline import wingless
 from mavhums.show.tables import usage
 from mavhums.show.words import join, subject_of
@@ -200,7 +200,7 @@ def _ranked(counts: dict[str, int]) -> str:
     return ", ".join(f"{name} {count:,}" for name, count in ranked[:4]) + more
 
 
-_APART: Final = ("name", "selection", "calibration", "window")
+_APART: Final = ("name", "command", "selection", "calibration", "window")
 
 
 def card_blocks(model: Model) -> Iterator[Block]:
@@ -218,18 +218,18 @@ def card_blocks(model: Model) -> Iterator[Block]:
         yield Note(card.window.selection.stage_lines(card.window.features))
 
 
-def _sections(title: str, part: Contract, more: Mapping[str, object]) -> Iterator[Facts]:
-    """Yield the facts of a part of a card, then those of each group of them under its name."""
+def _sections(title: str, part: Contract, more: Mapping[str, object]) -> Iterator[Listing]:
+    """Yield the fields of a part of a card, then those of each group of them under its name."""
     fields = {name: getattr(part, name) for name in type(part).model_fields if name not in _APART}
     groups = {name: value for name, value in fields.items() if isinstance(value, Mapping) and value}
     single = {name: value for name, value in fields.items() if name not in groups and value not in (None, {})}
-    yield Facts(title, _pairs({**single, **more}))
+    yield Listing(title, _fields({**single, **more}))
     for name, group in groups.items():
-        yield Facts(f"{title}: {_words(name)}", _pairs(group))
+        yield Listing(f"{title}: {_words(name)}", _fields(group))
 
 
-def _pairs(values: Mapping[str, object]) -> list[tuple[str, str]]:
-    return [(_words(name), _value(value)) for name, value in values.items()]
+def _fields(values: Mapping[str, object]) -> list[str]:
+    return [f"{_words(name)}: {_value(value)}" for name, value in values.items()]
 
 
 def _value(value: object) -> str:

@@ -9,7 +9,7 @@ from pathlib import PurePath
 from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
-from mavhums.show.blocks import Anchor, Block, Cell, Facts, Finding, Headline, Listing, Mark, Note, TableBlock
+from mavhums.show.blocks import Anchor, Block, Cell, Finding, Headline, Listing, Mark, Note, TableBlock
 
 _ACTIVE = re.compile(r"([\\`*\[\]<|])")
 
@@ -60,9 +60,6 @@ def _parts(block: Block) -> Iterator[str]:
         case Listing(title, lines):
             yield f"## {_literal(title)}"
             yield _list(lines)
-        case Facts(title, pairs):
-            yield f"## {_literal(title)}"
-            yield _list(f"{name}: {value}" for name, value in pairs)
         case TableBlock():
             if block.title:
                 yield f"## {_literal(block.title)}"
@@ -73,7 +70,7 @@ def _parts(block: Block) -> Iterator[str]:
 
 
 def _finding(found: Finding) -> Iterator[str]:
-    yield "## " + _literal(f"{found.title}: {found.condition}" if found.condition else found.title)
+    yield f"## {_literal(f'{found.title}: {found.condition}')}"
     if found.todo:
         yield f"**What to do:** {_literal(found.todo)}."
     if found.why:

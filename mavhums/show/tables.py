@@ -15,9 +15,9 @@ from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.results.verdict import ALL, MEASURED, Indicator, Interval, Verdict
 from mavhums.show.blocks import NOTHING, Block, Cell, Column, Mark, Note, Part, TableBlock, table
 from mavhums.show.verdict_words import control_left, course, judged, network_cell
-from mavhums.show.words import clock, friction, join, name, names, percent, place_of
+from mavhums.show.words import clock, friction, merged, names, percent, place_of
 
-_NUMBER: Final = re.compile(r"(\d+)")
+_NUMBER: Final = re.compile(r"\d+")
 ROWS: Final = 200
 _BRIEF_ROWS: Final = 9
 ALL_ROWS: Final = "mavhums analyse --json has them all"
@@ -185,35 +185,26 @@ def _figure(value: float, interval: Interval) -> str:
     return f"{value:z.{digits}f}"
 
 
-def provenance(assessment: Assessment) -> Iterator[TableBlock]:
-    """Yield a table of sources for each group of actuators whose sources differ only in numbers."""
-    groups: dict[object, list[Verdict]] = {}
+def provenance(assessment: Assessment) -> TableBlock | None:
+    """Return a row for each quantity, with the subjects of which it has a like source; None without one."""
+    rows: dict[tuple[str, str], list[tuple[Verdict, str]]] = {}
     for verdict in assessment.ranked():
-        if verdict.provenance:
-            alike = {key: _NUMBER.sub("#", source) for key, source in verdict.provenance.items()}
-            groups.setdefault((verdict.tier, *sorted(alike.items())), []).append(verdict)
-    for verdicts in groups.values():
-        names, tier = (name(verdict, assessment) for verdict in verdicts), verdicts[0].tier
-        quantities = {one.key: f"{one.key} {one.name}, {one.unit}" for one in QUANTITIES}
-        if verdicts[0].subject == "axis":
-            quantities = {"V1": "command", **MEASURED}
-        if verdicts[0].subject == "motor":
-            quantities = {"V1": "output"}
-        rows: list[list[Cell]] = []
-        for key, quantity in quantities.items():
-            sources = [source for v in verdicts if (source := v.provenance.get(key))]
-            rows.append([quantity, _as_one(sources) if sources else "not in the log"])
-        title = f"Where the values of {join(names)} came from{f' (telemetry tier {tier})' if tier else ''}"
-        yield TableBlock(title, [Column("quantity"), Column("source")], rows)
+        tier = {"telemetry tier": verdict.tier} if verdict.tier else {}
+        for key, source in (tier | verdict.provenance).items():
+            alike = rows.setdefault((_quantity(verdict, key), _NUMBER.sub("#", source)), [])
+            alike.append((verdict, source))
+    cells: list[list[Cell]] = [
+        [quantity, names([verdict for verdict, _ in alike], assessment), merged([text for _, text in alike])]
+        for (quantity, _), alike in rows.items()
+    ]
+    return (
+        TableBlock("Where the values came from", _columns("quantity", "of", "source"), cells)
+        if cells
+        else None
+    )
 
 
-def _as_one(sources: Iterable[str]) -> str:
-    """Write sources that differ in numbers alone as one.
-
-    Examples
-    --------
-    >>> _as_one(["ESC_STATUS[0].rpm", "ESC_STATUS[1].rpm"])
-    'ESC_STATUS[0/1].rpm'
-    """
-    parts = zip(*(_NUMBER.split(source) for source in sources), strict=True)
-    return "".join(part[0] if len({*part}) == 1 else "/".join(part) for part in parts)
+def _quantity(verdict: Verdict, key: str) -> str:
+    if verdict.subject != "actuator":
+        return {"V1": "command", **MEASURED}.get(key, key)
+    return next((f"{key} {one.name}, {one.unit}" for one in QUANTITIES if one.key == key), key)

@@ -16,7 +16,7 @@ from mavhums.core.conditions import SEVERITY
 from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
-from mavhums.show.blocks import Anchor, Block, Cell, Facts, Finding, Headline, Listing, Mark, Note, TableBlock
+from mavhums.show.blocks import Anchor, Block, Cell, Finding, Headline, Listing, Mark, Note, TableBlock
 from mavhums.show.words import COLOURS, sign
 
 if TYPE_CHECKING:
@@ -58,8 +58,7 @@ def summary(result: Assessment | TrendReport) -> str:
 def draw(shown: Iterable[Block], console: Console) -> None:
     """Print blocks, each in its way; curves and outlines are not for a terminal."""
     for part in parts(shown, console.width, console.encoding):
-        # A path, a hash or a command is to be copied whole.
-        console.print(part, soft_wrap=isinstance(part, Text) and part.no_wrap)
+        console.print(part)
 
 
 def parts(shown: Iterable[Block], width: int, encoding: str = "utf-8") -> Iterator[RenderableType]:
@@ -74,31 +73,20 @@ def parts(shown: Iterable[Block], width: int, encoding: str = "utf-8") -> Iterat
             case Note(lines, quiet):
                 yield from (Text(printable(line), style="dim" if quiet else "") for line in lines)
             case Listing(title, lines):
-                yield from _titled(title, lines)
-            case Facts(title, pairs):
-                yield from _titled(title, ())
-                longest = max((len(name) for name, _ in pairs), default=0)
-                for name, value in pairs:
-                    line = f"  {name:<{longest}}  {value}"
-                    yield Text(printable(line), no_wrap=True, overflow="ignore")
+                yield Text(printable(title), style="bold")
+                yield from map(_indented, lines)
             case Finding():
                 yield from _finding(block, width, encoding)
             case TableBlock():
                 yield from _table(block, width, encoding)
 
 
-def _titled(title: str, lines: Iterable[str]) -> Iterator[RenderableType]:
-    yield Text(printable(title), style="bold")
-    yield from map(_indented, lines)
-
-
 def _finding(found: Finding, width: int, encoding: str) -> Iterator[RenderableType]:
-    head = f"{found.title}: {found.condition}" if found.condition else found.title
     why = [*found.why]
     # When a fault was seen, one by one; a single reason why nothing is known fits behind the name.
-    is_fault = found.condition is not None and SEVERITY[found.condition] > SEVERITY["normal"]
+    is_fault = SEVERITY[found.condition] > SEVERITY["normal"]
     inline = f": {why.pop()}" if len(why) == 1 and not is_fault else ""
-    yield Text.assemble((printable(head), "bold"), printable(inline))
+    yield Text.assemble((printable(f"{found.title}: {found.condition}"), "bold"), printable(inline))
     facts = [f"{name}: {value}" for name, value in found.facts]
     yield from map(_indented, (*why, *facts, *([f"what to do: {found.todo}"] if found.todo else [])))
     if found.table:

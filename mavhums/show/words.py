@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from math import cos, radians, sin
 from typing import TYPE_CHECKING, Final
@@ -246,6 +247,22 @@ def join(items: Iterable[str]) -> str:
     """
     *most, last = items
     return f"{', '.join(most)} and {last}" if most else last
+
+
+TOKEN: Final = re.compile(r'"[^"]*"|[\w.]*\w|\W')
+"""A word, a figure or a sign; what is in quotation marks is one."""
+
+
+def merged(texts: Sequence[str]) -> str:
+    """Return texts of as many tokens as one, in which those that differ are joined.
+
+    Examples
+    --------
+    >>> merged(["12 % of roll, 30 % are needed", "4 % of yaw, 30 % are needed"])
+    '12 and 4 % of roll and yaw, 30 % are needed'
+    """
+    columns = zip(*map(TOKEN.findall, texts), strict=True)
+    return "".join(join(dict.fromkeys(column)) for column in columns)
 
 
 def moment(utc: str) -> str:

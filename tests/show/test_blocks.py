@@ -17,7 +17,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.show import html as html_report
 from mavhums.show import markdown_report, terminal
 from mavhums.show.answer import blocks
-from mavhums.show.blocks import Anchor, Block, Cell, Facts, Finding, Headline, Listing, Mark, Note, TableBlock
+from mavhums.show.blocks import Anchor, Block, Cell, Finding, Headline, Listing, Mark, Note, TableBlock
 from mavhums.show.curves import EvidenceCollector
 
 FLIGHTS = Path(__file__).parents[1] / "data"
@@ -33,7 +33,7 @@ def shown(assessment: Assessment) -> list[Block]:
     gathered = EvidenceCollector()
     gathered.consume([Notice(1.0, 1, "ArduPlane V4.6.0")])
     found = blocks(whole, gathered=gathered)
-    assert {type(block) for block in found} >= {Facts, Finding, Headline, Listing, Note, TableBlock}
+    assert {type(block) for block in found} >= {Finding, Headline, Listing, Note, TableBlock}
     return found
 
 
@@ -43,8 +43,6 @@ def texts(block: Block) -> Iterator[str]:
             yield from (text, about)
         case Note(lines) | Listing(_, lines):
             yield from lines
-        case Facts(_, pairs):
-            yield from (text for pair in pairs for text in pair)
         case Finding(title, _, why, todo, facts, table):
             yield from (title, *why, todo, *(text for pair in facts for text in pair))
             yield from texts(table) if table else ()
