@@ -18,8 +18,8 @@ from mavhums.results.assessment import Assessment
 from mavhums.show._craft import Vehicle, craft_path
 from mavhums.show._signals import RowWriter
 from mavhums.show._tracks import Track, path_part
-from mavhums.show.blueprint import Fault, Lane, Surroundings, layout
-from mavhums.show.event_words import FRAME, event_words, trace_words
+from mavhums.show.blueprint import Lane, Surroundings, layout
+from mavhums.show.event_words import FRAME, event_words
 from mavhums.show.headline import judged_vehicles
 from mavhums.show.markdown_report import markdown
 from mavhums.show.outline import motors, surfaces
@@ -47,7 +47,7 @@ class Scene:
 
     def __init__(self, stream: rr.RecordingStream, *, live: bool, position: bool) -> None:
         self._rows, self._position = RowWriter(stream, live=live), position
-        self._airframes: dict[int | None, tuple[Airframe, float]] = {}
+        self._airframes: dict[int | None, Airframe] = {}
         self._vehicles: dict[int | None, Vehicle] = {}
         self._tracks: dict[tuple[int | None, str], Track] = {}
         self._frames: dict[int, Track] = {}
@@ -173,14 +173,10 @@ class Scene:
         return sorted(self._tracks.values(), key=lambda track: -URGENCY[track.condition])
 
     def _lane(self, track: Track, condition: Condition, worst: Condition) -> Lane:
-        faults = tuple(
-            Fault(fault, _unit(track, fault), track.faults[fault]) for fault in sorted(track.faults)
-        )
-        title = self._title(track)
         frame = self._frames.get(track.vehicle or 0) if "thrust" in track.traces else None
-        paths = track.traces | (frame.traces if frame else {})
-        traces = {kind: (trace_words(track.actuator, kind).quantity, path) for kind, path in paths.items()}
-        return Lane(track.root, title, condition, worst, track.present, faults, track.cause, traces)
+        traces = track.traces | (frame.traces if frame else {})
+        shown = (track.present, dict(track.faults), track.cause, traces)
+        return Lane(track.root, self._title(track), condition, worst, *shown)
 
     def _title(self, track: Track) -> str:
         several = len({vehicle for vehicle, _ in self._tracks}) > 1
@@ -200,7 +196,7 @@ class Scene:
 
     def _name_airframe(self, event: AirframeNamed) -> None:
         self._log_text(event.time_s, "INFO", f"judged by the airframe profile {event.airframe.name}")
-        self._airframes[event.vehicle] = event.airframe, event.time_s
+        self._airframes[event.vehicle] = event.airframe
 
     def _vehicle(self, number: int | None) -> Vehicle:
         if number not in self._vehicles:
@@ -220,15 +216,13 @@ class Scene:
 
     def _equip(self, track: Track) -> None:
         """Set a track's limits and its surface in the airframe from the profile."""
-        known = self._airframes.get(track.vehicle) or self._airframes.get(None)
-        if known is None:
+        airframe = self._airframes.get(track.vehicle) or self._airframes.get(None)
+        if airframe is None:
             return
-        airframe, known_s = known
         track.axis_limits = airframe.axes
         for part in airframe.actuators:
             if part.name == track.actuator:
                 track.detectors = {detector.fault: detector for detector in detectors_for(part)}
-                track.known_s = known_s
                 craft = self._vehicle(track.vehicle).craft
                 if not craft.parts:
                     craft.fit({one.name: f"{one.surface} {one.name}" for one in airframe.actuators})
@@ -243,8 +237,3 @@ def _change(event: ConditionChanged) -> str:
     why = event.rule.removeprefix(f"{event.after}: ")
     since = f"{event.after} since {clock(event.since_s)}"
     return f"{event.actuator}: {since}, {why} (vehicle {event.vehicle})"
-
-
-def _unit(track: Track, fault: str) -> str:
-    unit = track.detectors[fault].unit if fault in track.detectors else "1"
-    return "" if unit == "1" else unit

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.core.quantities import KEYS
-from mavhums.health.decision.events import Classified
+from mavhums.health.decision.events import Classified, Window
 from mavhums.results.verdict import ABSTAINED, OUTSIDE
 from mavhums.show.curves import Thinner
-from mavhums.show.words import COLOURS, PALE_BLUE, SERIES, STALE_COLOUR
+from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, SERIES, STALE_COLOUR
 
 APPLICATION: Final = "mavhums"
 ARCHETYPE: Final = "mavhums"
@@ -165,7 +165,8 @@ def _quantities(**columns: Array) -> rr.ComponentColumnList:
     return rr.DynamicArchetype.columns(ARCHETYPE, components=components)
 
 
-_STYLE: Final = rr.SeriesLines(
+_OF_WINDOWS: Final = rr.SeriesLines(names="of ten seconds", colors=BLUE, widths=2.5)
+_OF_SAMPLES: Final = rr.SeriesLines(
     names="of each sample",
     colors=PALE_BLUE,
     widths=0.75,
@@ -174,7 +175,7 @@ _STYLE: Final = rr.SeriesLines(
 
 
 class Classes:
-    """Writes the probability of an emergency of each sample, and the class of each window.
+    """Writes what a network says: the probability of an emergency in each sample, and of each window.
 
     A recording of a long flight is thinned to the extremes of the probability. A class is written where it
     changes.
@@ -202,7 +203,7 @@ class Classes:
         answered = event.inside & (event.said >= 0)
         if answered.any() and not self._styled:
             self.any = self._styled = True
-            self._rows.style(f"{self._path}/samples", _STYLE)
+            self._rows.style(f"{self._path}/samples", _OF_SAMPLES)
         if self._styled and event.time_s.size:
             self._take(event.time_s, np.where(answered, event.p_emergency, np.nan)[:, None])
 
@@ -210,17 +211,24 @@ class Classes:
         time, values = self._gaps.marked(time, values)
         self._rows.put(f"{self._path}/samples", time, rr.Scalars.columns, scalars=values)
 
-    def add_window(self, time_s: float, said: str | None) -> None:
-        """Write the class of a window, at its middle; one about which no network was asked is no class."""
-        self.any |= said is not None
-        state = said or ABSTAINED
-        if not self.any or state == self._last:
+    def add_window(self, event: Window) -> None:
+        """Write the class of a window and the probability of a fault in it, at its middle.
+
+        A window about which no network was asked has no class.
+        """
+        self.any |= event.network is not None
+        if not self.any:
             return
-        path, self._last = f"{self._path}/class", state
+        state, path, middle_s = event.network or ABSTAINED, self._path, (event.start_s + event.end_s) / 2
+        if not self._known:
+            self._rows.style(path, _OF_WINDOWS)
         if state not in self._known:
             self._known.append(state)
-            self._rows.style(path, _states(self._known))
-        self._rows.put(path, [time_s], rr.StateChange.columns, state=[state])
+            self._rows.style(f"{path}/class", _states(self._known))
+        if state != self._last:
+            self._rows.put(f"{path}/class", [middle_s], rr.StateChange.columns, state=[state])
+        unknown, self._last = event.p_fault is None or state == OUTSIDE, state
+        self._rows.put(path, [middle_s], rr.Scalars.columns, scalars=[np.nan if unknown else event.p_fault])
 
 
 def _states(names: list[str]) -> rr.StateConfiguration:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Mapping
 from typing import Final
 
 import numpy as np
@@ -16,11 +16,21 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.detector import Detector
 from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
 from mavhums.results.sections import AxisLimits
-from mavhums.results.verdict import OUTSIDE, Verdict
+from mavhums.results.verdict import Verdict
 from mavhums.show._craft import CraftModel, vehicle_part
 from mavhums.show._signals import ROWS_PER_CHUNK, Classes, RowWriter, Signals
 from mavhums.show.event_words import drawn, trace_words
-from mavhums.show.words import BLUE, COLOURS, PALE_BLUE, STALE, STALE_COLOUR, YELLOW, axis_levels, levels
+from mavhums.show.words import (
+    BLUE,
+    COLOURS,
+    PALE_BLUE,
+    STALE,
+    STALE_COLOUR,
+    YELLOW,
+    axis_levels,
+    capital,
+    levels,
+)
 
 STALE_S: Final = 3.0
 """An actuator without data for longer than this is stale: its condition is no longer shown as current."""
@@ -30,7 +40,6 @@ _FAULTY: Final[tuple[Condition, ...]] = ("degraded", "emergency")
 _COMPARED: Final[tuple[Condition, ...]] = ("unchanged", "changed", "learning")
 _STATES: Final = {**{str(name): rgb for name, rgb in COLOURS.items()}, STALE: STALE_COLOUR}
 _HALF_WINDOW_S: Final = 5.0
-_NETWORK_STYLE: Final = rr.SeriesLines(names="of ten seconds", colors=BLUE, widths=2.5)
 
 
 def path_part(name: str) -> str:
@@ -69,11 +78,9 @@ class Track:
     axis_limits
         Limits of an axis.
     traces
-        Entity paths of what lies behind the judgement, by its kind.
+        What lies behind the judgement, by its kind: the quantity, and its entity path.
     reference_s
         Flight seconds from and to which an axis's reference was learned; None without one.
-    known_s
-        Flight time from which the profile is known.
     condition, worst
         The current condition, and the worst condition so far.
     stale
@@ -81,7 +88,7 @@ class Track:
     cause
         The fault that caused the worst condition.
     faults
-        Entity paths of indicators of faults other than friction.
+        Indicators by fault: what each shows, and its entity path.
     last_s
         Flight time of the latest data.
     """
@@ -101,30 +108,28 @@ class Track:
         self.parts: list[str] = []
         self.detectors: Mapping[str, Detector] = {}
         self.axis_limits = AxisLimits()
-        self.traces: dict[str, str] = {}
+        self.traces: dict[str, tuple[str, str]] = {}
         self.reference_s: tuple[int, int] | None = None
-        self.known_s = 0.0
         self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
         self.stale = False
         self.last_s = 0.0
         self.cause = "friction"
-        self.faults: dict[str, str] = {}
+        self.faults: dict[str, tuple[str, str]] = {}
         self._rows = rows
         self._signals = Signals(rows, f"{self.root}/quantities", self._move)
         self._classes = Classes(rows, f"{self.root}/network")
-        self._drawn: set[str] = set()
+        self._limits: dict[str, list[float]] = {}
         self._states: list[tuple[float, str]] = []
         self._written: deque[tuple[float, str]] = deque(maxlen=ROWS_PER_CHUNK)
         self._first_s = self._heard_s = np.inf
         self._state_s: float | None = None
-        self._limits_s: dict[str, float] = {}
         rows.style(self.root, _state_style())
 
     @property
     def present(self) -> frozenset[str]:
-        """Quantities with data, and ``friction`` and ``network`` if there are any."""
-        return frozenset(self._signals.present | self._drawn | ({"network"} if self._classes.any else set()))
+        """Quantities with data, and ``network`` if one says anything."""
+        return frozenset(self._signals.present | ({"network"} if self._classes.any else set()))
 
     def take(self, event: Samples | Window | Indication | Trace | Classified) -> None:
         """Add data of any kind."""
@@ -159,48 +164,59 @@ class Track:
         """Add the results of a window."""
         self._note_span(event.start_s, event.end_s)
         self.condition = event.condition
-        middle_s = (event.start_s + event.end_s) / 2
-        self._classes.add_window(middle_s, event.network)
-        found, vote = event.friction_nm, event.p_fault
+        self._classes.add_window(event)
+        middle_s, found = (event.start_s + event.end_s) / 2, event.friction_nm
         friction = (found.estimate, found.low, found.high) if found else (np.nan,) * 3
-        self._draw("friction", middle_s, friction, _interval_style("friction"))
-        unknown = vote is None or event.network == OUTSIDE
-        self._draw("network", middle_s, (np.nan if unknown else vote,), _NETWORK_STYLE)
-
-    def _draw(self, leaf: str, time_s: float, values: Sequence[float | None], style: rr.SeriesLines) -> None:
-        """Draw a window's values; what nothing is known of up to then is not drawn."""
-        path, row = f"{self.root}/{leaf}", np.array([values], dtype=np.float64)
-        if leaf not in self._drawn:
-            if np.isnan(row).all():
-                return
-            self._drawn.add(leaf)
-            self._rows.style(path, style)
-        self._rows.put(path, [time_s], rr.Scalars.columns, scalars=row)
+        self._indicate("friction", np.array([middle_s]), np.array([friction]))
 
     def indication(self, event: Indication) -> None:
         """Add values of a fault indicator, except friction, which windows contain."""
         if event.fault == "friction" or not event.end_s.size:
             return
-        if event.fault not in self.faults:
-            self.faults[event.fault] = self.root + rr.new_entity_path(["faults", event.fault])
-            self._rows.style(self.faults[event.fault], _interval_style(event.fault))
-        rows = np.stack([event.value, event.low, event.high], axis=1)
-        middle = event.end_s - _HALF_WINDOW_S
         if event.fault == _EFFECTIVENESS:  # nothing else says from when to when an axis is followed
             self._note_span(0.0, float(event.end_s[-1]))
-        self._rows.put(self.faults[event.fault], middle, rr.Scalars.columns, scalars=rows)
+        rows = np.stack([event.value, event.low, event.high], axis=1)
+        self._indicate(event.fault, event.end_s - _HALF_WINDOW_S, rows)
+
+    def _indicate(self, fault: str, time_s: Array, rows: Array) -> None:
+        """Draw an indicator, its interval and its limits; without a value up to then there is none."""
+        if fault not in self.faults:
+            if np.isnan(rows).all():
+                return
+            title, limits = self._levels(fault)
+            leaf = ["friction"] if fault == "friction" else ["faults", fault]
+            self.faults[fault] = title, self.root + rr.new_entity_path(leaf)
+            self._limits[fault] = [value for value, _ in limits]
+            names = [f"{name} {value:g}" for value, name in limits]
+            style = rr.SeriesLines(
+                names=[fault.replace("_", " "), "low (95 %)", "high (95 %)", *names],
+                colors=[BLUE, PALE_BLUE, PALE_BLUE, *map(_colour, names)],
+                widths=[2.5, 1, 1, *[2] * len(names)],
+            )
+            self._rows.style(self.faults[fault][1], style)
+        limits_too = np.hstack([rows, np.tile(self._limits[fault], (len(rows), 1))])
+        self._rows.put(self.faults[fault][1], time_s, rr.Scalars.columns, scalars=limits_too)
+
+    def _levels(self, fault: str) -> tuple[str, list[tuple[float, str]]]:
+        """Return the title of an indicator, and its limits with their names."""
+        if fault == _EFFECTIVENESS:
+            return "Control effectiveness, share of the reference", axis_levels(self.axis_limits)
+        detector = self.detectors.get(fault)
+        unit = detector.unit if detector and detector.unit != "1" else ""
+        title = ", ".join(filter(None, (capital(fault.replace("_", " ")), unit)))
+        return title, _limits(detector) if detector else []
 
     def trace(self, event: Trace) -> None:
         """Add what lies behind the judgement."""
         if event.kind not in self.traces:
-            self.traces[event.kind] = f"{self.root}/{event.kind}"
             words = trace_words(event.actuator, event.kind)
+            self.traces[event.kind] = capital(words.quantity), f"{self.root}/{event.kind}"
             names, colours = [words.against, words.value], [YELLOW, BLUE]
             style = rr.SeriesLines(names=names, colors=colours, widths=[1.5, 2.0])
-            self._rows.style(self.traces[event.kind], style)
+            self._rows.style(self.traces[event.kind][1], style)
         self.reference_s = event.reference_s or self.reference_s
         self._note_span(float(event.time_s[0]), float(event.time_s[-1]))
-        self._rows.put(self.traces[event.kind], event.time_s, rr.Scalars.columns, scalars=drawn(event))
+        self._rows.put(self.traces[event.kind][1], event.time_s, rr.Scalars.columns, scalars=drawn(event))
 
     def changed(self, event: ConditionChanged) -> None:
         """Add a change of condition, drawn at its onset, not at the time of the decision."""
@@ -251,7 +267,6 @@ class Track:
         if self._state_s is None and self._first_s < np.inf:
             self._state(self._first_s, self.condition)
         self._flush_states()
-        self._flush_limits()
 
     def finish(self) -> None:
         """Write remaining data, and a state even for an actuator without data."""
@@ -295,42 +310,12 @@ class Track:
             for part in self.parts:
                 self._craft.colour(part, times, [_STATES[state] for state in states])
 
-    def _flush_limits(self) -> None:
-        """Draw the limits of the indicators up to the latest data."""
-        known = {fault: _limits(detector) for fault, detector in self.detectors.items()}
-        if _EFFECTIVENESS in self.faults:
-            known[_EFFECTIVENESS] = axis_levels(self.axis_limits)
-        for fault, limits in known.items():
-            path = self.root if fault == "friction" else self.faults.get(fault)
-            if path is None or not limits:
-                continue
-            values = [value for value, _ in limits]
-            times = [max(self.known_s, self.last_s)]
-            if fault not in self._limits_s:
-                names = [f"{name} {value:g}" for value, name in limits]
-                style = rr.SeriesLines(names=names, colors=[*map(_colour, names)], widths=[2] * len(names))
-                self._rows.style(f"{path}/limits", style)
-                times.insert(0, self.known_s)
-            elif times[0] <= self._limits_s[fault]:
-                continue
-            self._limits_s[fault] = times[-1]
-            rows = np.tile(values, (len(times), 1))
-            self._rows.put(f"{path}/limits", times, rr.Scalars.columns, scalars=rows)
-
 
 def _state_style() -> rr.StateConfiguration:
     return rr.StateConfiguration(
         values=list(_STATES),
         labels=[*COLOURS, "stale: no data"],
         colors=[(*rgb, 255) for rgb in _STATES.values()],
-    )
-
-
-def _interval_style(name: str) -> rr.SeriesLines:
-    return rr.SeriesLines(
-        names=[name.replace("_", " "), "low (95 %)", "high (95 %)"],
-        colors=[BLUE, PALE_BLUE, PALE_BLUE],
-        widths=[2.5, 1, 1],
     )
 
 

@@ -14,7 +14,7 @@ from mavhums.core.conditions import Condition
 from mavhums.core.quantities import QUANTITIES
 from mavhums.show._signals import ARCHETYPE, TIMELINE
 from mavhums.show.event_words import in_order
-from mavhums.show.words import SERIES, capital
+from mavhums.show.words import SERIES
 
 _PLOTS: Final = (
     ("angle", ("V1", "V3")),
@@ -28,18 +28,9 @@ _PLOTS: Final = (
     ("rotor rotation", ("V2",)),
 )
 _QUANTITIES = {quantity.key: quantity for quantity in QUANTITIES}
-_AXIS_PLOTS: Final = {"effectiveness": "Control effectiveness, share of the reference"}
 _EFFECTIVENESS_SPAN: Final = (-0.2, 1.8)
 _MAP_PIXELS: Final = 100
 _LIVE_SIGNALS_S, _LIVE_EVIDENCE_S = 30, 120
-
-
-class Fault(NamedTuple):
-    """Indicator of a fault other than friction: its name, unit (or none) and entity path."""
-
-    name: str
-    unit: str
-    path: str
 
 
 class Lane(NamedTuple):
@@ -54,13 +45,13 @@ class Lane(NamedTuple):
     condition, worst
         Its current and its worst condition.
     present
-        Data to draw: the quantities in the log, ``friction`` and ``network``.
+        Data to draw: the quantities in the log, and ``network``.
     faults
-        Indicators of other faults.
+        Indicators by fault: what each shows, and its entity path.
     cause
         The fault that caused the worst condition; its plot is in front.
     traces
-        What lies behind the judgement, by its kind: the quantity and its entity path.
+        What lies behind the judgement, by its kind, in the same form.
     states
         Entity path of its conditions; the root if empty.
     """
@@ -70,7 +61,7 @@ class Lane(NamedTuple):
     condition: Condition
     worst: Condition
     present: frozenset[str]
-    faults: tuple[Fault, ...] = ()
+    faults: Mapping[str, tuple[str, str]] = {}
     cause: str = "friction"
     traces: Mapping[str, tuple[str, str]] = {}
     states: str = ""
@@ -194,7 +185,7 @@ def _actuator(lane: Lane, axes: _TimeRange) -> rrb.Container:
     faults = _faults(lane, axes.evidence)
     answer: list[rrb.View | rrb.Container] = [rrb.Tabs(*faults, active_tab=0)] if faults[1:] else [*faults]
     traces = (lane.traces[kind] for kind in in_order(lane.traces, lane.cause))
-    behind = [_plot(capital(quantity), [path], axes.evidence) for quantity, path in traces]
+    behind = [_plot(title, [path], axes.evidence) for title, path in traces]
     answer[:0] = behind[:1]
     if "network" in keys:
         answer.append(_network(root, axes.evidence))
@@ -226,15 +217,12 @@ def _network(root: str, axis: rrb.TimeAxis) -> rrb.Container:
 
 def _faults(lane: Lane, axis: rrb.TimeAxis) -> list[rrb.View]:
     """Return the plots of fault indicators with limits: the causing fault first, then friction."""
-    plots: dict[str, rrb.View] = {}
-    if "friction" in lane.present:
-        contents = [f"{lane.root}/friction", f"{lane.root}/limits"]
-        plots["friction"] = _plot("Friction, N·m, against its limits", contents, axis)
-    for name, unit, path in lane.faults:
-        title = _AXIS_PLOTS.get(name) or ", ".join(filter(None, (name.replace("_", " ").capitalize(), unit)))
-        span = _EFFECTIVENESS_SPAN if name in _AXIS_PLOTS else None
-        plots[name] = _plot(title, [path, f"{path}/limits"], axis, span=span)
-    return [plots[name] for name in sorted(plots, key=lambda name: name != lane.cause)]
+    order = sorted(lane.faults, key=lambda fault: (fault != lane.cause, fault != "friction", fault))
+    return [
+        _plot(title, [path], axis, span=_EFFECTIVENESS_SPAN if fault == "effectiveness" else None)
+        for fault in order
+        for title, path in (lane.faults[fault],)
+    ]
 
 
 def _signals(root: str, subject: str, keys: list[str], axis: rrb.TimeAxis) -> rrb.TimeSeriesView:

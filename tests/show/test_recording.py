@@ -28,7 +28,7 @@ from mavhums.show.markdown_report import markdown
 from mavhums.show.viewer import Recorder
 from mavhums.show.words import COLOURS
 from tests.conftest import real_logs
-from tests.show.conftest import Flight, new_assessment, new_verdict, samples_of
+from tests.show.conftest import EMERGENCY, NORMAL, Flight, new_assessment, new_verdict, samples_of
 
 rr = pytest.importorskip("rerun", reason="recordings need the extra 'viewer'")
 chunk = pytest.importorskip("rerun.chunk")
@@ -100,7 +100,8 @@ def test_friction_lies_at_the_middle_of_its_window_with_gaps_where_nothing_was_e
     np.testing.assert_array_equal(time, [window.end_s - 5.0 for window in windows])
     intervals = [window.friction_nm for window in windows]
     expected = [(one.estimate, one.low, one.high) if one else [math.nan] * 3 for one in intervals]
-    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(found[:, :3], expected)
+    np.testing.assert_array_equal(found[:, 3:], [[NORMAL, EMERGENCY]] * len(windows))
     assert np.isnan(found).any()
     _, votes = scalars(recording, "/vehicle_1/elevator/network")
     assert votes[:, 0].tolist() == [flight.window("elevator", end).p_fault for end in range(10, 101)]
@@ -243,13 +244,12 @@ def test_the_profile_of_a_vehicle_draws_its_limits(
     tight = paper.actuators[2].model_copy(update={"limits": limits})
     mine = paper.model_copy(update={"actuators": (tight,)})
     events: list[Event] = [AirframeNamed(0.0, vehicle, mine), AirframeNamed(0.0, 2, paper)]
-    events += [flight.samples("elevator", 0, 1)]
+    events += [flight.window("elevator", 10)]
     path = write(tmp_path / "own.rrd", events, assessment)
-    time, found = scalars(path, "/vehicle_1/elevator/limits")
-    assert (time.tolist(), found.tolist()) == ([0.0, 0.99], [[0.1, 0.2]] * 2)
-    told = static(path, "/vehicle_1/elevator/limits")["SeriesLines:names"]
-    assert told == ["degraded above 0.1", "emergency from 0.2"]
-    assert "/vehicle_1/rudder/limits" not in entities(path)
+    _, [found] = scalars(path, "/vehicle_1/elevator/friction")
+    assert found[3:].tolist() == [0.1, 0.2]
+    told = static(path, "/vehicle_1/elevator/friction")["SeriesLines:names"]
+    assert told[3:] == ["degraded above 0.1", "emergency from 0.2"]
 
 
 @pytest.mark.parametrize("start", [None, "2025-06-01T10:00:00", "2025-06-01T12:00:00+02:00"])

@@ -25,7 +25,7 @@ import rerun as rr
 from mavhums.results.sections import FlightEvent
 from mavhums.show._scene import Scene
 from mavhums.show._signals import open_stream
-from mavhums.show.blueprint import Fault, Lane, layout
+from mavhums.show.blueprint import Lane, layout
 from mavhums.show.outline import places as placed
 from mavhums.show.viewer import Recorder
 from mavhums.show.words import COLOURS
@@ -191,27 +191,24 @@ def test_what_shows_another_fault_is_drawn_with_its_interval(
     path = write(tmp_path / "backlash.rrd", [*flight.events(), seen, same, either], assessment)
     found_time, found = scalars(path, "/vehicle_1/elevator/faults/backlash")
     assert found_time.tolist() == [15.0, 16.0]
-    assert found.tolist() == [[0.2, 0.1, 0.4], [0.21, 0.105, 0.42]]
+    assert found.tolist() == [[0.2, 0.1, 0.4, 0.15], [0.21, 0.105, 0.42, 0.15]]
     assert "/vehicle_1/elevator/faults/friction" not in entities(path)
-    limit_time, limit = scalars(path, "/vehicle_1/elevator/faults/backlash/limits")
-    assert limit_time.tolist() == [0.5, 100.0]
-    assert limit.tolist() == [[0.15], [0.15]]
-    _, limits = scalars(path, "/vehicle_1/elevator/faults/sensor_bias/limits")
-    assert limits.tolist() == [[0.25, -0.25]] * 2
+    _, biased = scalars(path, "/vehicle_1/elevator/faults/sensor_bias")
+    assert biased[:, 3:].tolist() == [[0.25, -0.25]] * 2
 
 
 def test_the_fault_in_question_lies_in_front() -> None:
     """A maintainer who is told of backlash wants to see it, not that the friction is as it should be."""
-    bias, sag = Fault("sensor_bias", "°", "/x/bias"), Fault("supply_sag", "V", "/x/sag")
-    lane = Lane("/vehicle_1/a", "a", "degraded", "degraded", frozenset({"friction"}), (bias, sag))
-    friction = "Friction, N·m, against its limits"
-    shown = ("Supply sag, V", "Sensor bias, °", friction)
+    friction = "Friction, N·m"
+    shown = {"sensor_bias": "Sensor bias, °", "supply_sag": "Supply sag, V", "friction": friction}
+    faults = {fault: (title, f"/x/{fault}") for fault, title in shown.items()}
+    lane = Lane("/vehicle_1/a", "a", "degraded", "degraded", frozenset(), faults)
     for cause, order in (
         ("supply_sag", ["Supply sag, V", friction, "Sensor bias, °"]),
         ("friction", [friction, "Sensor bias, °", "Supply sag, V"]),
     ):
         found = names(layout([lane._replace(cause=cause)]).root_container)
-        assert [name for name in found if name in shown] == order
+        assert [name for name in found if name in shown.values()] == order
 
 
 def test_the_cause_is_what_made_the_condition_the_worst_it_was() -> None:
