@@ -17,7 +17,7 @@ from mavhums.show.event_words import event_lines, foremost
 from mavhums.show.headline import advice, headline, judged_vehicles, over_flights, remedy
 from mavhums.show.outline import FIXED_WING, motors, multirotor, outline, surfaces
 from mavhums.show.tables import ALL_ROWS, ROWS, indicators, provenance, usage, verdict_table
-from mavhums.show.verdict_words import certainty, explanation, finding, implausible, network_sentence
+from mavhums.show.verdict_words import explanation, finding, implausible, network_sentence
 from mavhums.show.words import (
     TOKEN,
     capital,
@@ -122,7 +122,7 @@ def blocks(
         *_by_reason(rest, "unmonitored", brief=False),
         *over,
         *(_crafts(rest) if gathered is not None else ()),
-        *_listing("How sure", _once(well, _how_sure, rest)),
+        *_listing("Suspected and refuted", _once(well, _refuted, rest)),
         *more,
         *(usage(used, several=len(rest.usage) > 1) for used in rest.usage),
         *_listing("Events of the flight", event_lines(assessment)),
@@ -133,10 +133,9 @@ def blocks(
     ]
 
 
-def _how_sure(verdict: Verdict) -> str:
-    """Return how sure a verdict without a fault is; of a motor also what was suspected and refuted."""
-    refuted = map(finding, verdict.evidence if verdict.subject == "motor" else ())
-    return "; ".join((certainty(verdict), *refuted))
+def _refuted(verdict: Verdict) -> str:
+    """Return what was suspected of a motor without a fault, and refuted."""
+    return "; ".join(map(finding, verdict.evidence if verdict.subject == "motor" else ()))
 
 
 def _about(assessment: Assessment) -> str:
@@ -231,7 +230,6 @@ def _faulty(verdict: Verdict, assessment: Assessment, latest: int | None) -> Fin
         "Which surface": explained,
         "Suspected": join(suspects) if suspects else "",
         "Surfaces": join(verdict.surfaces) if verdict.surfaces else "",
-        "How sure": certainty(verdict),
     }
     shown = [(title, value) for title, value in facts.items() if value]
     return Finding(title, verdict.worst, why, todo, shown, indicators(verdict.indicators))

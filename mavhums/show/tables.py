@@ -14,7 +14,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.sections import OutputUsage, VehicleUsage
 from mavhums.results.verdict import ALL, MEASURED, Indicator, Interval, Verdict
 from mavhums.show.blocks import NOTHING, Block, Cell, Column, Mark, Note, Part, TableBlock, table
-from mavhums.show.verdict_words import control_left, course, judged, network_cell
+from mavhums.show.verdict_words import control_left, course, excluded, judged, network_cell
 from mavhums.show.words import clock, friction, merged, names, percent, place_of
 
 _NUMBER: Final = re.compile(r"\d+")
@@ -32,6 +32,7 @@ _COLUMNS: Final = (
     Column("since", "figure", 3),
     Column("moving", "figure", 6),
     Column("judged", "figure", 4),
+    Column("loss excluded", "text", 8),
     Column("moved by", "text", 7),
 )
 
@@ -64,6 +65,7 @@ def _verdict_row(alike: Sequence[Verdict], assessment: Assessment) -> list[Cell]
         clock(verdict.since.flight_time_s) if verdict.since else None,
         None if moving is None else percent(moving),
         judged(verdict),
+        excluded(verdict),
         ", ".join(verdict.surfaces),
     )
     return [

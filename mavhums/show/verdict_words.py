@@ -1,4 +1,4 @@
-"""What is said of one verdict: the cells of its row, its findings, how sure it is, what to do."""
+"""What is said of one verdict: the cells of its row, its findings, the surfaces that explain them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mavhums.health.axis.thresholds import NORMAL_EFFECTIVENESS
 from mavhums.health.decision.thresholds import NORMAL_S
 from mavhums.results.sections import NetworkAnswer, fault_of
 from mavhums.results.verdict import ABSTAINED, OUTSIDE, Candidate, Evidence, Verdict
-from mavhums.show.words import clock, effectiveness, friction, join, percent
+from mavhums.show.words import clock, effectiveness, join, percent
 
 LOSS: Final = percent(1.0 - NORMAL_EFFECTIVENESS)
 """Of the control effectiveness, which a normal axis excludes."""
@@ -17,14 +17,8 @@ LOSS: Final = percent(1.0 - NORMAL_EFFECTIVENESS)
 _WIDEST: Final = 1.0
 """A 95 % interval wider than the whole control effectiveness says nothing about it."""
 
-_SAID_BY_RULE: Final = ("effectiveness", "slow", "hard_over", "tracking", "thrust", "speed")
+_SAID_BY_RULE: Final = ("effectiveness", "slow", "thrust", "speed")
 """Kinds of findings whose rule contains the value."""
-
-_WITHOUT_EFFECTIVENESS: Final = {
-    "tracking": "the flown attitude left the demanded one by",
-    "hard_over": "the motion that no output explains reached",
-}
-"""Alarms that rest on no estimate of the control effectiveness, and what raised them."""
 
 
 def control_left(verdict: Verdict) -> str | None:
@@ -135,6 +129,9 @@ def finding(item: Evidence) -> str:
         return f"{when}: {item.rule} (highest probability {percent(item.value)})"
     if item.kind == "friction":
         return f"{when}: {item.rule} (highest estimate {item.value:.3f} N·m)"
+    if item.kind in ("hard_over", "tracking"):
+        beyond = "" if item.limit is None else f", limit {item.limit:.1f}"
+        return f"{when}: {item.rule} ({item.value:.1f} times the healthy scatter{beyond})"
     if item.kind in _SAID_BY_RULE or item.kind != item.fault:
         return f"{when}: {item.rule}"
     return f"{when}: {item.kind.replace('_', ' ')} {item.value:.3g}, {item.rule}"
@@ -172,50 +169,13 @@ def _output(one: Candidate) -> str:
     return one.surface if "servo" in one.surface else f"{one.surface} (servo {one.servo})"
 
 
-def certainty(verdict: Verdict) -> str:
-    """Return the estimates with their intervals, the network's part, and how much was judged.
-
-    Examples
-    --------
-    >>> certainty(Verdict(vehicle=1, actuator="rudder", condition="normal", worst="normal"))
-    '0 of 0 windows are decidable'
-    """
-    sure = []
-    if verdict.effectiveness and is_reliable(verdict):
-        left = effectiveness(verdict.effectiveness)
-        what = "its thrust" if verdict.subject == "motor" else "the reference's control effectiveness"
-        sure.append(f"{left} of {what} with its 95 % interval")
-    if verdict.friction_nm:
-        sure.append(f"friction {friction(verdict.friction_nm)} N·m with its 95 % interval")
-    if sentence := network_sentence(verdict):
-        sure.append(sentence)
-    alarms = {item.kind: item for item in verdict.evidence if item.kind in _WITHOUT_EFFECTIVENESS}
-    sure += [_beyond(item) for item in alarms.values() if item.limit is not None]
-    return "; ".join([*sure, _how_much(verdict, alarmed=bool(alarms))])
-
-
-def _beyond(item: Evidence) -> str:
-    what = _WITHOUT_EFFECTIVENESS[item.kind]
-    return f"{what} {item.value:.1f} times its healthy scatter, limit {item.limit:.1f}"
-
-
-def _how_much(verdict: Verdict, *, alarmed: bool) -> str:
+def excluded(verdict: Verdict) -> str | None:
+    """Return over how many seconds of an axis a loss is excluded, and until when; None where it is not."""
     coverage = verdict.coverage
-    if verdict.subject == "actuator":
-        moved = f", the actuator moved {percent(coverage.moving_fraction)} of the time"
-        decidable = f"{coverage.decidable} of {coverage.windows} windows are decidable"
-        return decidable + moved if "V7" in verdict.provenance else decidable
-    if verdict.subject == "motor":
-        return f"its thrust could be judged in {coverage.decidable} of {coverage.windows} s"
-    if alarmed and not coverage.decidable:
-        return "control effectiveness is judged apart from that, and could not be in this flight"
-    judged = f"control effectiveness could be judged in {coverage.decidable} of {coverage.windows} s"
-    if coverage.judged_from_s is not None:
-        judged += f", from {clock(coverage.judged_from_s)} on"
     if not coverage.excluded:
-        return judged
-    until = "" if coverage.excluded_until_s is None else f", the last at {clock(coverage.excluded_until_s)}"
-    return f"{judged}; a loss of {LOSS} or more is excluded over {coverage.excluded} s{until}"
+        return None
+    until = "" if coverage.excluded_until_s is None else f", until {clock(coverage.excluded_until_s)}"
+    return f"{LOSS} or more for {coverage.excluded} s{until}"
 
 
 def network_cell(verdict: Verdict) -> str | None:

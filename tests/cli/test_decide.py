@@ -103,7 +103,7 @@ def test_report_and_markdown_say_it_in_one_sentence(
     assert run("report", wound, "-o", page, "--model", by_voltage, "--decide", "both").code == 10
     assert sentence in page.read_text()
     assert 'class="samples"' in page.read_text()
-    for decide, times in (("physics", 0), ("both", 2)):  # how sure, and physics beside network
+    for decide, times in (("physics", 0), ("both", 1)):
         options = mavhums.Options(model=by_voltage, decide=decide)  # type: ignore[arg-type]
         assert markdown(mavhums.analyse(wound, options)).count(sentence) == times
 

@@ -55,7 +55,7 @@ def test_a_dropped_log_becomes_the_answer_with_its_plots(
     browser.wait(f"{CHARTS}.length == 4")
     browser.wait(f"{CHARTS}[0].getBoundingClientRect().top < 900")  # before every table
     answer = browser.js(f"{ANSWER}.innerText")
-    for part in ("What to do", "do not fly", "How sure", "Losses", "SHA-256", "The aircraft from above"):
+    for part in ("What to do", "do not fly", "Suspected", "Losses", "SHA-256", "The aircraft from above"):
         assert part in answer
     assert browser.js("document.querySelector('.curves .chart').ariaLabel").startswith("elevator: Coulomb")
     browser.wait(f"{CHARTS}[0].textContent.includes('AUTO')")

@@ -52,7 +52,7 @@ def test_an_emergency_by_other_means_than_friction() -> None:
     text = markdown(new_assessment(verdict))
     assert text.startswith("# EMERGENCY: elevator: friction 1.00 N·m (limit 0.875)\n")
     assert "inspect gearbox and linkage for a blockage" in text
-    assert "**How sure:** 91 of 91 windows" in text
+    assert "| 91 of 91 s |" in text
     odd = verdict.model_copy(update={"suspects": (Suspect(fault="demagnetised", confidence=0.9),)})
     assert "inspect the actuator and its wiring" in markdown(new_assessment(odd))
 

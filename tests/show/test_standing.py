@@ -18,7 +18,7 @@ from mavhums.show.curves import EvidenceCollector
 from mavhums.show.headline import NOT_JUDGED, headline
 from mavhums.show.html import page
 from mavhums.show.markdown_report import markdown
-from mavhums.show.verdict_words import certainty, control_left
+from mavhums.show.verdict_words import control_left
 from tests.show.conftest import new_assessment
 from tests.show.test_terminal import rendered
 
@@ -75,7 +75,7 @@ def test_a_figure_is_told_as_far_as_it_can_be_relied_on(verdict: Verdict, told: 
 
 def test_an_interval_that_tells_nothing_is_nowhere() -> None:
     assessment = new_assessment(WIDE)
-    for text in (certainty(WIDE), markdown(assessment), page(assessment, EvidenceCollector())):
+    for text in (markdown(assessment), page(assessment, EvidenceCollector())):
         assert not re.search("[−-]102", text)
     assert "9 of 157 s" in shown(assessment, verbose=True)
 
