@@ -17,7 +17,7 @@ from mavhums.core.output import printable
 from mavhums.results.assessment import Assessment
 from mavhums.show.answer import blocks
 from mavhums.show.blocks import Anchor, Block, Cell, Finding, Headline, Listing, Mark, Note, TableBlock
-from mavhums.show.words import COLOURS, sign
+from mavhums.show.words import COLOURS, SIGNS
 
 if TYPE_CHECKING:
     from mavhums.results.standing import TrendReport
@@ -57,17 +57,17 @@ def summary(result: Assessment | TrendReport) -> str:
 
 def draw(shown: Iterable[Block], console: Console) -> None:
     """Print blocks, each in its way; curves and outlines are not for a terminal."""
-    for part in parts(shown, console.width, console.encoding):
+    for part in parts(shown, console.width):
         console.print(part)
 
 
-def parts(shown: Iterable[Block], width: int, encoding: str = "utf-8") -> Iterator[RenderableType]:
-    """Yield what rich prints of blocks on a terminal of a width, whose encoding may lack some signs."""
+def parts(shown: Iterable[Block], width: int) -> Iterator[RenderableType]:
+    """Yield what rich prints of blocks on a terminal of a width."""
     for block in shown:
         match block:
             case Headline(text, about=about, todo=todo):
                 head = Text(printable(text), style="bold")
-                yield Text.assemble(_mark(block.mark, encoding), ": ", head) if block.mark else head
+                yield Text.assemble(_mark(block.mark), ": ", head) if block.mark else head
                 yield from (Text(printable(f"What to do: {line}.")) for line in (todo,) if line)
                 yield from (Text(printable(line), style="dim") for line in (about,) if line)
             case Note(lines, quiet):
@@ -76,12 +76,12 @@ def parts(shown: Iterable[Block], width: int, encoding: str = "utf-8") -> Iterat
                 yield Text(printable(title), style="bold")
                 yield from map(_indented, lines)
             case Finding():
-                yield from _finding(block, width, encoding)
+                yield from _finding(block, width)
             case TableBlock():
-                yield from _table(block, width, encoding)
+                yield from _table(block, width)
 
 
-def _finding(found: Finding, width: int, encoding: str) -> Iterator[RenderableType]:
+def _finding(found: Finding, width: int) -> Iterator[RenderableType]:
     why = [*found.why]
     # When a fault was seen, one by one; a single reason why nothing is known fits behind the name.
     is_fault = SEVERITY[found.condition] > SEVERITY["normal"]
@@ -90,7 +90,7 @@ def _finding(found: Finding, width: int, encoding: str) -> Iterator[RenderableTy
     facts = [f"{name}: {value}" for name, value in found.facts]
     yield from map(_indented, (*why, *facts, *([f"what to do: {found.todo}"] if found.todo else [])))
     if found.table:
-        yield from _table(found.table, width, encoding)
+        yield from _table(found.table, width)
 
 
 def _indented(line: str) -> Padding:
@@ -99,13 +99,13 @@ def _indented(line: str) -> Padding:
     return Padding(Text(printable(text)), (0, 0, 0, 2 + len(line) - len(text)), expand=False)
 
 
-def _table(shown: TableBlock, width: int, encoding: str) -> Iterator[RenderableType]:
+def _table(shown: TableBlock, width: int) -> Iterator[RenderableType]:
     """Yield a table with as many columns as the terminal is wide, those of the lowest rank."""
     if shown.title:
         yield Text(printable(shown.title), style="bold")
     if not shown.rows:
         return
-    rows = [[_text(cell, encoding) for cell in row] for row in shown.rows]
+    rows = [[_text(cell) for cell in row] for row in shown.rows]
     widths = [
         max(*map(len, column.title.splitlines()), *(len(row[k]) for row in rows)) + _GAP
         for k, column in enumerate(shown.columns)
@@ -131,18 +131,16 @@ def _table(shown: TableBlock, width: int, encoding: str) -> Iterator[RenderableT
     yield Padding(grid, (0, 0, 0, 1), expand=False)
 
 
-def _mark(mark: Mark, encoding: str) -> tuple[str, str]:
+def _mark(mark: Mark) -> tuple[str, str]:
     style = "bold rgb({},{},{})".format(*COLOURS[mark.condition])
-    return f"{sign(mark.condition, encoding)} {mark.text}", style
+    return f"{SIGNS[mark.condition]} {mark.text}", style
 
 
-def _text(cell: Cell, encoding: str) -> Text:
+def _text(cell: Cell) -> Text:
     if isinstance(cell, str):
         return Text(printable(cell))
     parts = [
-        _mark(part, encoding)
-        if isinstance(part, Mark)
-        else printable(part.text if isinstance(part, Anchor) else part)
+        _mark(part) if isinstance(part, Mark) else printable(part.text if isinstance(part, Anchor) else part)
         for part in cell
     ]
     return Text.assemble(*parts)

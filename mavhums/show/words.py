@@ -42,15 +42,6 @@ SIGNS: Final[dict[Condition, str]] = {
 }
 """A sign per condition, so that no reader depends on its colour."""
 
-_ASCII: Final[dict[Condition, str]] = {
-    "normal": "+",
-    "changed": "~",
-    "degraded": "!",
-    "emergency": "X",
-    "learning": ".",
-    "unmonitored": "o",
-}
-
 STALE: Final = "stale"
 STALE_COLOUR: Final = (60, 60, 66)
 BLUE: Final = (86, 180, 233)
@@ -66,21 +57,6 @@ _TO_ACT_ON: Final[tuple[Condition, ...]] = ("changed", "degraded", "emergency")
 def condition_word(condition: Condition) -> str:
     """Return a condition as a table shows it: what must be acted on in capitals."""
     return condition.upper() if condition in _TO_ACT_ON else condition
-
-
-def sign(condition: Condition, encoding: str = "utf-8") -> str:
-    """Return the sign of a condition, as far as an encoding has it.
-
-    Examples
-    --------
-    >>> sign("emergency"), sign("emergency", "ascii")
-    ('✖', 'X')
-    """
-    try:
-        SIGNS[condition].encode(encoding)
-    except (UnicodeEncodeError, LookupError):
-        return _ASCII[condition]
-    return SIGNS[condition]
 
 
 def capital(text: str) -> str:

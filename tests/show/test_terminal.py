@@ -10,11 +10,10 @@ from typing import Literal
 from rich.console import Console
 
 import mavhums
-from mavhums.core.conditions import SEVERITY, URGENCY, Condition
+from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.log.base.decoder import Losses
 from mavhums.results.assessment import Assessment
 from mavhums.show.terminal import render
-from mavhums.show.words import sign
 from tests.show.conftest import new_assessment, new_verdict
 
 FLIGHTS = Path(__file__).parents[1] / "data"
@@ -98,13 +97,6 @@ def test_a_short_answer_is_read_in_ten_seconds() -> None:
         if SEVERITY[worst.gravest] > 0:
             assert worst.gravest.upper() in lines[0], text
             assert worst.actuator in head or any(one.surface in head for one in worst.candidates), text
-
-
-def test_signs_tell_conditions_apart_where_an_encoding_has_few() -> None:
-    for encoding in ("utf-8", "ascii", "latin-1"):
-        signs = {sign(condition, encoding) for condition in URGENCY}
-        assert len(signs) == len(URGENCY)
-        assert all(one.encode(encoding) for one in signs)
 
 
 def test_of_several_reasons_the_binding_one_is_shown() -> None:
