@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, Final
 
 from mavhums.core.models import Contract
 from mavhums.core.output import printable
-from mavhums.core.quantities import QUANTITIES
 from mavhums.results.assessment import Inspection, Judgeable, VehicleTelemetry
-from mavhums.show.blocks import NOTHING, Block, Cell, Column, Headline, Listing, Note, TableBlock
+from mavhums.show.blocks import Block, Column, Headline, Listing, Note, TableBlock
 from mavhums.show.headline import wingless
 from mavhums.show.tables import usage
 from mavhums.show.words import join, subject_of
 from mavhums.show.words import losses as loss_words
 
 if TYPE_CHECKING:
-    from mavhums.learn import Card, Model
+    from mavhums.learn import Model
 
 _MOST_NAMED = 100
 _NAMED_SUBJECTS = 3
@@ -212,10 +211,11 @@ def card_blocks(model: Model) -> Iterator[Block]:
         title = "Calibration of a window's votes, on flights of their own"
         formula = f"1 / (1 + exp(−({card.calibration.slope:g}·s {card.calibration.intercept:+g})))"
         yield from _sections(title, card.calibration, {"probability for a share s of votes": formula})
-    yield from _selection(card)
+    yield Listing("Selection of the quantities", card.selection.stage_lines(card.features))
     if card.window is not None:
         yield from _sections("Network of windows", card.window, {})
-        yield Note(card.window.selection.stage_lines(card.window.features))
+        lines = card.window.selection.stage_lines(card.window.features)
+        yield Listing("Network of windows: selection of the features", lines)
 
 
 def _sections(title: str, part: Contract, more: Mapping[str, object]) -> Iterator[Listing]:
@@ -238,32 +238,6 @@ def _value(value: object) -> str:
     if isinstance(value, tuple | list):
         return ", ".join(_words(_value(part)) for part in value)
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _selection(card: Card) -> Iterator[Block]:
-    selection = card.selection
-    groups = {key: k for k, group in enumerate(selection.groups, 1) for key in group}
-    rows: list[list[Cell]] = []
-    for key, name, unit in sorted(QUANTITIES, key=lambda each: -selection.chi_square.get(each[0], 0)):
-        if key in selection.chi_square:
-            p = selection.p_values.get(key)
-            chi_square, p_value = f"{selection.chi_square[key]:.4g}", NOTHING if p is None else f"{p:.2g}"
-            rows.append(
-                [key, name, unit, chi_square, p_value, str(groups.get(key, NOTHING)), _fate(card, key)]
-            )
-    columns = [
-        *map(Column, ("quantity", "name", "unit")),
-        *(Column(title, "figure") for title in ("chi-square", "p", "group")),
-        Column("use"),
-    ]
-    yield TableBlock("Stages 1 and 2: chi-square, and groups that explain one another", columns, rows)
-    yield Note(selection.stage_lines(card.features)[1:])
-
-
-def _fate(card: Card, key: str) -> str:
-    if key in card.features:
-        return "input"
-    return "wrapper drops it" if key in card.selection.selected else NOTHING
 
 
 def _words(name: str) -> str:

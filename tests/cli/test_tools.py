@@ -126,11 +126,8 @@ def test_the_packaged_model_shows_its_card(run: Run) -> None:
     assert outcome.code == 0
     for text in (model.card.name, model.hash, model.card.command, ", ".join(model.card.features)):
         assert text in outcome.out
-    rows = {line.split()[0]: line for line in outcome.out.splitlines() if line.startswith(" V")}
-    assert rows.keys() == model.card.selection.chi_square.keys()
-    inputs = {key for key, line in rows.items() if line.rstrip().endswith("input")}
-    assert inputs == set(model.card.features)
-    for line in model.card.selection.stage_lines(model.card.features)[1:]:
+    assert all(f" {key} " in outcome.out for key in model.card.selection.chi_square)
+    for line in model.card.selection.stage_lines(model.card.features):
         assert " ".join(line.split()) in " ".join(outcome.out.split())
 
 
