@@ -108,7 +108,7 @@ def soonest_words(growth: Growth) -> str:
     )
 
 
-def left_words(left: FlightsLeft, *, dates: bool = True) -> str:
+def left_words(left: FlightsLeft) -> str:
     """Return flights left with their interval and date.
 
     Examples
@@ -123,7 +123,7 @@ def left_words(left: FlightsLeft, *, dates: bool = True) -> str:
         return f"more than {low:,} flights"
     count = round(left.estimate)
     text = f"{count:,} flight{'s' if count != 1 else ''} ({low:,}–{ceil(left.high):,})"
-    return f"{text}, about {left.expected_utc}," if dates and left.expected_utc else text
+    return f"{text}, about {left.expected_utc}," if left.expected_utc else text
 
 
 def step_words(step: Step) -> str:

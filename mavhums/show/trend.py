@@ -13,7 +13,6 @@ from mavhums.health.decision.baseline import LOSSES
 from mavhums.results.assessment import Assessment
 from mavhums.results.standing import (
     ActuatorTrend,
-    Growth,
     RepairDate,
     Standing,
     TrendReport,
@@ -24,7 +23,7 @@ from mavhums.show.blocks import Block, Cell, Column, Headline, Mark, Note, Table
 from mavhums.show.curves import Curve
 from mavhums.show.evidence import Limit
 from mavhums.show.html_plot import Chart, chart
-from mavhums.show.standing import growth_words, left_words, sentences, since_words, soonest_words, step_words
+from mavhums.show.standing import growth_words, sentences, since_words, soonest_words, step_words
 from mavhums.show.words import capital, group_name, join, levels, subject_of
 
 _BARS = "▁▂▃▄▅▆▇█"
@@ -110,12 +109,10 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> TableBlock:
                 f"{sparkline(values)} {values[-1]:.3g}",
                 _signed(one.change),
                 _signed(one.per_flight),
-                _flights_left(one.growth),
             ]
         )
     columns = [Column(trends[0].subject), Column("state", "word"), Column("over the\nflights", "word")]
-    figures = ("since\nbaseline", "per\nflight", "flights to\nnext limit")
-    columns += [Column(title, "figure") for title in figures]
+    columns += [Column(title, "figure") for title in ("since\nbaseline", "per\nflight")]
     return TableBlock(f"{trends[0].quantity}, {trends[0].unit}", columns, rows)
 
 
@@ -148,15 +145,6 @@ def _signed(change: Interval | None) -> str:
     digits = int(np.clip(-np.floor(np.log10(half)), 0, 9)) if half > 0 else 3
     estimate = f"{change.estimate:+.{digits}f}" if abs(change.estimate) > half else ""
     return f"{estimate}±{half:.{digits}f}"
-
-
-def _flights_left(growth: Growth | None) -> str:
-    """Format the flights left to the next limit; — where nothing grows, or no limit is ahead."""
-    left = next((each for each in growth.ahead if each.estimate > 0), None) if growth else None
-    if left is None:
-        return "—"
-    text = left_words(left, dates=False).replace("more than ", ">")
-    return text.replace(" flights", "").replace(" flight", "")
 
 
 def _reasons(report: TrendReport) -> list[str]:
