@@ -32,8 +32,8 @@ _COLUMNS: Final = (
     Column("since", "figure", 3),
     Column("moving", "figure", 6),
     Column("judged", "figure", 4),
-    Column("loss excluded", "text", 8),
     Column("moved by", "text", 7),
+    Column("loss excluded", "text", 8),  # not in the short table
 )
 
 
@@ -44,11 +44,11 @@ def verdict_table(assessment: Assessment, *, brief: bool) -> Iterator[Block]:
     if not groups:
         return
     kinds = {alike[0].subject for alike in groups}
-    columns = [Column(kinds.pop() if len(kinds) == 1 else "subject"), *_COLUMNS]
+    columns = [Column(kinds.pop() if len(kinds) == 1 else "subject"), *_COLUMNS[: -1 if brief else None]]
     if columns[0].title == "motor":
         columns[2] = columns[2]._replace(title="thrust left")
     most, where = (_BRIEF_ROWS, "--verbose has them all") if brief else (ROWS, ALL_ROWS)
-    rows = [_verdict_row(alike, assessment) for alike in groups[:most]]
+    rows = [_verdict_row(alike, assessment)[: len(columns)] for alike in groups[:most]]
     yield table("" if brief else "Verdicts", columns, rows)
     if len(groups) > most:
         yield Note([f"{len(groups) - most} more, less grave: {where}."])
@@ -65,8 +65,8 @@ def _verdict_row(alike: Sequence[Verdict], assessment: Assessment) -> list[Cell]
         clock(verdict.since.flight_time_s) if verdict.since else None,
         None if moving is None else percent(moving),
         judged(verdict),
-        excluded(verdict),
         ", ".join(verdict.surfaces),
+        excluded(verdict),
     )
     return [
         _title(alike, assessment),
