@@ -229,9 +229,8 @@ def _faulty(verdict: Verdict, assessment: Assessment, latest: int | None) -> Fin
         "Reason": verdict.reason,
         "Which surface": explained,
         "Suspected": join(suspects) if suspects else "",
-        "Surfaces": join(verdict.surfaces) if verdict.surfaces else "",
     }
-    shown = [(title, value) for title, value in facts.items() if value]
+    shown = [f"{name}: {value}" for name, value in facts.items() if value]
     return Finding(title, verdict.worst, why, todo, shown, indicators(verdict.indicators))
 
 

@@ -86,13 +86,13 @@ class TableBlock(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """What was found about a subject: why, what to do, and facts by name; ``table`` has the estimates."""
+    """What was found about a subject: why, what to do, and facts; ``table`` has the estimates."""
 
     title: str
     condition: Condition
     why: Sequence[str]
     todo: str = ""
-    facts: Sequence[tuple[str, str]] = ()
+    facts: Sequence[str] = ()
     table: TableBlock | None = None
 
 

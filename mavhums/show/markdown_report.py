@@ -76,8 +76,8 @@ def _finding(found: Finding) -> Iterator[str]:
     if found.why:
         only = len(found.why) == 1
         yield f"**Why:** {_literal(found.why[0])}." if only else f"**Why:**\n\n{_list(found.why)}"
-    for name, value in found.facts:
-        yield f"**{_literal(name)}:** {_literal(value)}."
+    if found.facts:
+        yield _list(found.facts)
     if found.table:
         yield _table(found.table)
 

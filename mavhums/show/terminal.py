@@ -87,8 +87,7 @@ def _finding(found: Finding, width: int) -> Iterator[RenderableType]:
     is_fault = SEVERITY[found.condition] > SEVERITY["normal"]
     inline = f": {why.pop()}" if len(why) == 1 and not is_fault else ""
     yield Text.assemble((printable(f"{found.title}: {found.condition}"), "bold"), printable(inline))
-    facts = [f"{name}: {value}" for name, value in found.facts]
-    yield from map(_indented, (*why, *facts, *([f"what to do: {found.todo}"] if found.todo else [])))
+    yield from map(_indented, (*why, *found.facts, *([f"what to do: {found.todo}"] if found.todo else [])))
     if found.table:
         yield from _table(found.table, width)
 

@@ -44,7 +44,7 @@ def texts(block: Block) -> Iterator[str]:
         case Note(lines) | Listing(_, lines):
             yield from lines
         case Finding(title, _, why, todo, facts, table):
-            yield from (title, *why, todo, *(text for pair in facts for text in pair))
+            yield from (title, *why, todo, *facts)
             yield from texts(table) if table else ()
         case TableBlock(title, columns, rows):
             yield title

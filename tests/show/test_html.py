@@ -76,7 +76,7 @@ def test_the_answer_comes_first_and_answers_the_five_questions(assessment: Asses
     for part in ("EMERGENCY: elevator: ", "What to do: ", "2025-06-01.tlog", "not an airworthiness decision"):
         assert part in answer
     found = text[text.index("Findings") :]
-    for part in ("Since 1m12s into the log (2025-06-01 10:01:12 UTC)", "1m12s to 1m40s: "):
+    for part in ("Since: 1m12s into the log (2025-06-01 10:01:12 UTC)", "1m12s to 1m40s: "):
         assert part in found
     for part in ("1.003 (0.973–1.033)", "91 of 91 s"):  # how sure
         assert part in text

@@ -39,9 +39,9 @@ def test_what_was_an_emergency_is_not_forgotten() -> None:
     text = markdown(new_assessment(verdict))
     assert text.startswith("# EMERGENCY: elevator: friction 0.300 N·m (limit 0.875), 37.0s–1m40s, then ")
     assert "**EMERGENCY** 37.0s–1m40s, then normal" in text
-    assert "**Now:** normal since 1m30s" in text
+    assert "- Now: normal since 1m30s" in text
     without = markdown(new_assessment(verdict.model_copy(update={"since": None, "evidence": ()})))
-    assert "**Now:** normal at the end" in without
+    assert "- Now: normal at the end" in without
     assert "**Why:**" not in without
 
 
