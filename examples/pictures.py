@@ -29,11 +29,7 @@ from mavhums_sim import Flight, fly
 from mavhums_sim.telemetry import messages
 
 REAL_LOG = "UAVLogViewer__vtol.tlog"
-ALFA = {
-    "aileron-jammed": "2018-09-11-17-55-30_1_right_aileron_failure.tlog",
-    "no-fault": "2018-09-11-15-05-11_2_no_failure.tlog",
-    "engine-failed": "2018-07-18-15-53-31_1_engine_failure.tlog",
-}
+ALFA_LOG = "2018-09-11-17-55-30_1_right_aileron_failure.tlog"
 PROFILE = Path(__file__).parents[1] / "benchmarks" / "alfa.toml"
 HOUR_S, REPEATS = 3600, 10
 
@@ -46,10 +42,9 @@ def main(demo: Path, pictures: Path) -> None:
         "growing-friction": lambda folder, out: _judged(folder / "friction-growing.tlog", folder, out),
         "growing-friction-detail": _detail,
         "real-log": _real,
-        **dict.fromkeys(ALFA, _alfa),
+        "aileron-jammed": _alfa,
         "ten-hours": _ten_hours,
         "live": _live,
-        "importer": _imported,
     }
     for name, make in makers.items():
         print(f"{pictures / name}.png", flush=True)
@@ -77,7 +72,7 @@ def _real(demo: Path, picture: Path) -> None:
 
 def _alfa(demo: Path, picture: Path) -> None:
     """Draw a flight of the ALFA data set, judged by its outputs and the aircraft's answer alone."""
-    log = Path(os.environ.get("MAVHUMS_REAL_LOGS", "")) / "alfa" / ALFA[picture.stem]
+    log = Path(os.environ.get("MAVHUMS_REAL_LOGS", "")) / "alfa" / ALFA_LOG
     if not log.exists():
         print(f"  kept as it is: no {log.name} in MAVHUMS_REAL_LOGS/alfa")
         return
@@ -139,12 +134,6 @@ def _live(demo: Path, picture: Path) -> None:
         viewer.consume([])
         save(viewer.url, picture)
         viewer.close(engine.assessment())
-
-
-def _imported(demo: Path, picture: Path) -> None:
-    """Render the view of ``rerun friction-growing.tlog``; the importer must be on the PATH."""
-    os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    save(demo / "friction-growing.tlog", picture)
 
 
 if __name__ == "__main__":
