@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 WIDTH = 900
 VIEWS = (
     ("Condition of every axis and actuator", "1200x1000"),
-    ("Friction, N·m, against its limits", "2890x1500"),
+    ("Friction, N·m", "2890x1500"),
 )
 """Views by title, and the window in which each is about as wide as the picture."""
 
