@@ -123,20 +123,6 @@ def _by_indicator(state: Condition, one: ActuatorTrend) -> Condition:
     return "normal" if one.limit is not None and not passed and SEVERITY[state] > 0 else state
 
 
-def _peak(one: ActuatorTrend, report: TrendReport) -> str | None:
-    """Return the highest estimate of the last flight and the one at its end, if the flight was faulty.
-
-    The mean over the flight, which the table has, may lie below the limit that was passed.
-    """
-    point = one.points[-1]
-    if point.highest is None or one.limit is None or point.highest <= one.limit or point.flight < one.flights:
-        return None
-    unit = "" if one.unit == "1" else f" {one.unit}"
-    end = "" if point.end is None else f", {point.end:.3g}{unit} at its end"
-    highest = f"{_title(one, report)}: up to {point.highest:.3g}{unit} in the last flight{end}"
-    return f"{highest}; {point.value.estimate:.3g}{unit} is its mean."
-
-
 def _signed(change: Interval | None) -> str:
     """Format a change with half its 95 % interval; for a change that may be zero, only the interval."""
     if change is None:
@@ -164,7 +150,6 @@ def _reasons(report: TrendReport) -> list[str]:
     if report.repairs:
         repaired = join(f"{one.actuator or 'all actuators'} {one.at_utc[:10]}" for one in report.repairs)
         lines.append(f"Repaired: {repaired}; flights before that no longer count.")
-    lines += [said for one in report.trends if (said := _peak(one, report))]
     for other in report.others:
         why = f": {other.reason}" if other.reason else ""
         lines.append(f"{_name(other, report)}: {other.last} in the last flight{why}.")
