@@ -127,8 +127,11 @@ def usage(used: VehicleUsage, *, several: bool) -> TableBlock:
     named = [output for output in used.outputs if output.name]
     head = _columns("output", "span", "total travel", "reversals", "at its stops", "mean (trim)")
     rows = [_row(output) for output in named or used.outputs if output.commanded]
-    never = [[_name(o), "never commanded", *[NOTHING] * (len(head) - 2)] for o in named if not o.commanded]
-    return TableBlock(title, head, [*rows, *never])
+    for output in named:
+        if not output.commanded:
+            why = "no pulse in the log" if output.least_us is None else "never commanded"
+            rows.append([_name(output), why, *[NOTHING] * (len(head) - 2)])
+    return TableBlock(title, head, rows)
 
 
 def _motor(output: OutputUsage) -> list[str]:

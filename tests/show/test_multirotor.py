@@ -107,3 +107,14 @@ def test_a_motor_that_never_changes_has_the_condition_of_its_verdict(
     verdict = lost.model_copy(update={"condition": condition, "worst": condition, "effectiveness": None})
     path = write(tmp_path / "c.rrd", [], new_assessment(verdict))
     assert rows(path, "/vehicle_1/motor_3", "StateChange:state")[1] == [[condition]]
+
+
+@pytest.mark.parametrize(("least_us", "told"), [(1498, "never commanded"), (None, "no pulse in the log")])
+def test_an_output_that_the_log_does_not_record_is_not_called_at_rest(
+    least_us: int | None, told: str, assessment: Assessment
+) -> None:
+    at_rest = {"name": "rudder", "commanded": False, "bearing_deg": None, "least_us": least_us}
+    rudder = assessment.usage[0].outputs[0].model_copy(update=at_rest)
+    used = assessment.usage[0].model_copy(update={"outputs": (rudder,)})
+    [row] = usage(used, several=False).rows
+    assert row[:2] == ["rudder (servo 1)", told]
