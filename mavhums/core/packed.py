@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import bz2
 import errno
-import gzip
 import io
 import lzma
 import os
@@ -19,6 +18,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import IO, Any, Final, cast
 
@@ -35,12 +35,12 @@ _XZ: Final = b"\xfd7zXZ\x00"
 _BZIP2: Final = re.compile(rb"BZh[1-9](1AY&SY|\x17rE8P\x90)")
 _HEAD: Final = 10
 _XZ_MEMORY: Final = 1 << 28
-_XZ_PIECE: Final = 1 << 16
+_PIECE: Final = 1 << 16
 _MOST_LAYERS: Final = 3
 _FREE: Final = 1 << 30
 _RATIO: Final = 200
 _ZSTD_WINDOW: Final = 1 << 27
-_ZSTD_PIECE: Final = 1 << 11  # small: n bytes may expand to 32,768 n
+_PACKED_PIECE: Final = 1 << 11  # small: n bytes of Zstandard may expand to 32,768 n
 _MEMBERS_NAMED: Final = 10
 # Descriptors that the caller has opened: <(...) of a shell is one of them.
 _HELD: Final = re.compile(r"-|/dev/stdin|/(?:dev|proc/self)/fd/(\d+)")
@@ -89,14 +89,14 @@ class SequentialFile:
         """Decompress the file if its first bytes identify a compressed format."""
         for _ in range(_MOST_LAYERS):
             with _translated(self._path):
-                unpacker = _unpacker(self._source.peek(_HEAD))
-            if unpacker is None:
+                begin = _compression(self._source.peek(_HEAD))
+            if begin is None:
                 return
             if self._plain:
                 self._plain = False
                 self._packed = _CountingReader(self._source)
                 self._source = io.BufferedReader(self._packed)
-            self._source = io.BufferedReader(cast(Any, unpacker(self._source)))
+            self._source = io.BufferedReader(_Pieces(_stream_pieces(self._source, begin)))
 
     def enter(self, archive: zipfile.ZipFile, member: str | None) -> None:
         """Continue with a member of the archive, or with its only one if None."""
@@ -243,35 +243,25 @@ class _Pieces(io.RawIOBase):
         return size
 
 
-def _zstd_pieces(file: IO[bytes]) -> Iterator[bytes]:
-    """Unpack concatenated Zstandard frames; the library's own reader does not detect a cut frame."""
-    try:
-        import zstandard
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("reading .zst", "zstd") from error
-    decompressor = zstandard.ZstdDecompressor(max_window_size=_ZSTD_WINDOW)
-    frame, packed = None, b""
-    while packed := packed or file.read(_ZSTD_PIECE):
-        frame = frame or decompressor.decompressobj()
-        yield frame.decompress(packed)
-        packed = b""
-        if frame.eof:
-            packed, frame = frame.unused_data, None
-    if frame is not None:
-        raise EOFError("a frame is cut")
+def _stream_pieces(file: IO[bytes], begin: Callable[[], Any]) -> Iterator[bytes]:
+    """Unpack streams that follow each other, in bounded memory, which the libraries' own readers do not.
 
-
-def _xz_pieces(file: IO[bytes]) -> Iterator[bytes]:
-    """Unpack concatenated xz streams in bounded memory, which the library's own reader does not."""
+    A stream of bzip2 or xz can expand without bound, so its output is limited; others expand a small piece to
+    a few megabytes.
+    """
     packed = b""
-    while packed := (packed or file.read(_XZ_PIECE)).lstrip(b"\0"):
-        stream = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=_XZ_MEMORY)
+    while packed := packed or file.read(_PACKED_PIECE):
+        packed = packed.lstrip(b"\0")  # padding
+        if not packed:
+            continue
+        stream = begin()
         while not stream.eof:
-            if stream.needs_input and not packed:
-                packed = file.read(_XZ_PIECE)
+            limited = hasattr(stream, "needs_input")
+            if not packed and (not limited or stream.needs_input):
+                packed = file.read(_PACKED_PIECE)
                 if not packed:
                     raise EOFError("a stream is cut")
-            yield stream.decompress(packed, _XZ_PIECE)
+            yield stream.decompress(packed, _PIECE) if limited else stream.decompress(packed)
             packed = b""
         packed = stream.unused_data
 
@@ -312,15 +302,23 @@ def _members(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
     ]
 
 
-def _unpacker(head: bytes) -> Callable[[Any], Any] | None:
-    """Return what unpacks a file that begins so; None if it is not compressed."""
+def _compression(head: bytes) -> Callable[[], Any] | None:
+    """Return what begins to unpack a stream that begins so; None if it is not compressed."""
     if head.startswith(_GZIP):
-        return lambda file: gzip.GzipFile(fileobj=file, mode="rb")  # by default the mode is that of the file
+        return partial(zlib.decompressobj, 16 + zlib.MAX_WBITS)  # 16: with gzip's header
     if head.startswith(_ZSTD):
-        return lambda file: _Pieces(_zstd_pieces(file))
+        return cast("Callable[[], Any]", _zstd_decompressor().decompressobj)
     if head.startswith(_XZ):
-        return lambda file: _Pieces(_xz_pieces(file))
-    return bz2.BZ2File if _BZIP2.match(head) else None
+        return partial(lzma.LZMADecompressor, lzma.FORMAT_XZ, memlimit=_XZ_MEMORY)
+    return bz2.BZ2Decompressor if _BZIP2.match(head) else None
+
+
+def _zstd_decompressor() -> Any:
+    try:
+        import zstandard
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("reading .zst", "zstd") from error
+    return zstandard.ZstdDecompressor(max_window_size=_ZSTD_WINDOW)
 
 
 @contextmanager
