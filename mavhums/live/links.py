@@ -14,6 +14,7 @@ import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Final, Literal, NamedTuple, Protocol
 
@@ -33,7 +34,6 @@ _AT_ONCE = 4096
 _SO_TIMESTAMPNS, _SO_RXQ_OVFL, _SO_RCVBUFFORCE = 35, 40, 33
 _TIMESPEC, _COUNT = struct.Struct("@ll"), struct.Struct("@I")
 _ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size) + socket.CMSG_SPACE(_COUNT.size)
-_STEP_NS = 50_000_000  # a clock that NTP slews moves less between two calls
 
 
 class AddressError(MavhumsError):
@@ -132,7 +132,7 @@ class ReceiveClock:
         steady_ns: Callable[[], int] = _steady_ns,
     ) -> None:
         self._wall_ns, self._steady_ns = wall_ns, steady_ns
-        self._offset_ns = self._ahead_ns = self._former_ns = wall_ns() - steady_ns()
+        self._offset_ns = wall_ns() - steady_ns()
 
     def now_us(self) -> int:
         """Return the present time, microseconds of UTC."""
@@ -151,24 +151,13 @@ class ReceiveClock:
 
         Notes
         -----
-        If the clock was set meanwhile, a moment that is impossible by the present setting is read by the
-        former setting.
+        If the clock was set meanwhile, a moment may be impossible: then it is the nearest possible one.
         """
-        steady_ns = self._steady_ns()
-        ahead_ns = self._wall_ns() - steady_ns
-        now_ns = steady_ns + self._offset_ns
-        if abs(ahead_ns - self._ahead_ns) > _STEP_NS:
-            self._former_ns = self._ahead_ns
-        self._ahead_ns = ahead_ns
+        now_ns = self._steady_ns() + self._offset_ns
+        shift_ns = now_ns - self._wall_ns()
         oldest_ns = now_ns - 1_000_000_000 if since_us is None else min(since_us * 1000, now_ns)
-        out = []
-        for then_ns in walls_ns:
-            at_ns = now_ns if then_ns is None else then_ns - ahead_ns + self._offset_ns
-            if then_ns is not None and not oldest_ns <= at_ns <= now_ns:
-                former_ns = then_ns - self._former_ns + self._offset_ns
-                at_ns = former_ns if oldest_ns <= former_ns <= now_ns else at_ns
-            out.append(min(max(at_ns, oldest_ns), now_ns) // 1000)
-        return out
+        times_ns = (now_ns if then_ns is None else then_ns + shift_ns for then_ns in walls_ns)
+        return [min(max(time_ns, oldest_ns), now_ns) // 1000 for time_ns in times_ns]
 
 
 class Link(Protocol):
@@ -378,20 +367,46 @@ class Outgoing:
 
 
 class _StreamLink(ABC):
-    """A connection over which frames may wait; frames without a connection are lost and counted."""
+    """A connection that is made again when it breaks, tried at most once a second.
+
+    Frames may wait in it; those without a connection are lost and counted.
+    """
 
     stamped = False
     dropped = 0
 
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         self.address, self._clock = address, clock
-        self._out, self._connected = Outgoing(), False
+        self._out, self._connected, self._warned = Outgoing(), False, False
         self._connections = self._retry_us = 0
+        self._file = -1
 
     @property
     def unsent(self) -> int:
         """Frames that could not be sent."""
         return self._out.dropped
+
+    def fileno(self) -> int:
+        """Return the connection's descriptor, -1 without a connection."""
+        return self._file
+
+    def receive(self) -> list[Piece]:
+        """Return the received data; connect first if there is no connection."""
+        try:
+            if not self._connected and not self._connect():
+                return []
+            self._out.pump(self._write)
+            data = self._read()
+        except BlockingIOError:
+            return []
+        except OSError as error:
+            self.close()
+            if not self._warned:
+                why = error.strerror or error
+                _LOG.warning("%s: no connection (%s); trying again every second", self.address, why)
+                self._warned = True
+            return []
+        return [Piece((self.address, self._connections), self._clock.now_us(), data)] if data else []
 
     def send(self, data: bytes, heard: Iterable[Hashable]) -> None:
         """Send a frame, or the part that the connection takes at once."""
@@ -404,11 +419,17 @@ class _StreamLink(ABC):
     def close(self) -> None:
         """Close the connection; what it has not sent is lost."""
         self._out.clear()
-        self._connected = False
+        self._shut()
+        self._connected, self._file = False, -1
 
-    @abstractmethod
-    def _write(self, data: bytes) -> int:
-        """Write without waiting; return the number of written bytes."""
+    def _connect(self) -> bool:
+        """Return whether there is a connection now."""
+        self._connected = self._open()
+        if self._connected:
+            self._connections += 1
+            self._warned = False
+            _LOG.info("%s: connected", self.address)
+        return self._connected
 
     def _may_retry(self) -> bool:
         """Return whether a second has passed since the last attempt to connect, and begin another one."""
@@ -418,8 +439,21 @@ class _StreamLink(ABC):
         self._retry_us = now_us + _RETRY_US
         return True
 
-    def _pieces(self, data: bytes) -> list[Piece]:
-        return [Piece((self.address, self._connections), self._clock.now_us(), data)] if data else []
+    @abstractmethod
+    def _open(self) -> bool:
+        """Connect, or continue to, without waiting; return whether it is connected."""
+
+    @abstractmethod
+    def _shut(self) -> None:
+        """Close what is open, if anything."""
+
+    @abstractmethod
+    def _read(self) -> bytes:
+        """Read without waiting."""
+
+    @abstractmethod
+    def _write(self, data: bytes) -> int:
+        """Write without waiting; return the number of written bytes."""
 
 
 class TcpLink(_StreamLink):
@@ -428,67 +462,37 @@ class TcpLink(_StreamLink):
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         super().__init__(address, clock)
         self._family, self._target = resolve(address, socket.SOCK_STREAM)
-        self._socket: socket.socket | None = None
-        self._warned = False
+        self._socket: Any = None
 
-    def fileno(self) -> int:
-        """Return the connection's descriptor, -1 without a connection."""
-        return self._socket.fileno() if self._socket and self._connected else -1
+    def _open(self) -> bool:
+        if self._socket is None:
+            if not self._may_retry():
+                return False
+            self._socket = socket.socket(self._family, socket.SOCK_STREAM)
+            self._socket.setblocking(False)
+        code = self._socket.connect_ex(self._target)
+        if code not in (0, errno.EISCONN, errno.EINPROGRESS, errno.EALREADY, errno.EWOULDBLOCK):
+            raise OSError(code, os.strerror(code))
+        self._file = self._socket.fileno() if code in (0, errno.EISCONN) else -1
+        return self._file >= 0
 
-    def receive(self) -> list[Piece]:
-        """Return the received data; connect first if there is no connection."""
-        if not self._connected:
-            self._connect()
-        if not self._connected:
-            return []
-        assert self._socket
-        self._out.pump(self._write)
-        try:
-            data = self._socket.recv(1 << 18)
-        except BlockingIOError:
-            return []
-        except OSError as error:
-            self._lose(error.strerror or str(error))
-            return []
-        if not data:
-            self._lose("closed by the other end")
-        return self._pieces(data)
-
-    def close(self) -> None:
-        """Close the connection; what it has not sent is lost."""
-        super().close()
+    def _shut(self) -> None:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
+    def _read(self) -> bytes:
+        data: bytes = self._socket.recv(1 << 18)
+        if not data:
+            raise ConnectionError("closed by the other end")
+        return data
+
     def _write(self, data: bytes) -> int:
-        assert self._socket
-        return self._socket.send(data)
-
-    def _connect(self) -> None:
-        """Start to connect, or check whether the connection is established."""
-        if self._socket is None:
-            if not self._may_retry():
-                return
-            self._socket = socket.socket(self._family, socket.SOCK_STREAM)
-            self._socket.setblocking(False)
-        code = self._socket.connect_ex(self._target)
-        if code in (0, errno.EISCONN):
-            self._connected, self._warned = True, False
-            self._connections += 1
-            _LOG.info("%s: connected", self.address)
-        elif code not in (errno.EINPROGRESS, errno.EALREADY, errno.EWOULDBLOCK):
-            self._lose(errno.errorcode.get(code, str(code)))
-
-    def _lose(self, why: str) -> None:
-        self.close()
-        if not self._warned:
-            _LOG.warning("%s: no connection (%s); trying again every second", self.address, why)
-            self._warned = True
+        return int(self._socket.send(data))
 
 
 class SerialLink(_StreamLink):
-    """A radio or an autopilot at a serial device, through pymavlink."""
+    """A radio or an autopilot at a serial device."""
 
     def __init__(self, address: Address, clock: ReceiveClock) -> None:
         if find_spec("serial") is None:
@@ -496,52 +500,32 @@ class SerialLink(_StreamLink):
         super().__init__(address, clock)
         self._port: Any = None
         try:
-            self._open()
+            self._connect()
         except OSError as error:
             remedy = "check the device and the permissions (on Linux the group dialout)"
             raise AddressError(f"{address.host}: {error.strerror or error}", remedy) from error
 
-    def fileno(self) -> int:
-        """Return the device's descriptor, -1 while the device is absent."""
-        return -1 if self._port is None or self._port.fd is None else int(self._port.fd)
+    def _open(self) -> bool:
+        if not self._may_retry():
+            return False
+        # Some kernels set a rate only where it changes, so the first one is another, as of pymavlink.
+        self._port = import_module("serial").Serial(self.address.host, 1200, timeout=0, write_timeout=0)
+        self._port.baudrate = self.address.port
+        self._file = self._port.fileno() if os.name == "posix" else -1
+        return True
 
-    def receive(self) -> list[Piece]:
-        """Return the received data."""
-        if self._port is None:
-            if self._may_retry():
-                with contextlib.suppress(OSError):
-                    self._open()
-                    _LOG.info("%s: opened again", self.address)
-            return []
-        self._out.pump(self._write)
-        try:
-            data = bytes(self._port.port.read(min(self._port.port.in_waiting, _BYTES_AT_ONCE)))
-        except OSError as error:
-            _LOG.warning("%s: lost (%s); trying again every second", self.address, error)
-            self.close()
-            return []
-        return self._pieces(data)
-
-    def close(self) -> None:
+    def _shut(self) -> None:
         """Close the device; discard its unsent data, because closing would wait for them."""
-        super().close()
         if self._port is not None:
             with contextlib.suppress(Exception):  # termios has its own error type
-                self._port.port.reset_output_buffer()
+                self._port.reset_output_buffer()
             with contextlib.suppress(OSError):
                 self._port.close()
             self._port = None
 
+    def _read(self) -> bytes:
+        return bytes(self._port.read(min(self._port.in_waiting, _BYTES_AT_ONCE)))
+
     def _write(self, data: bytes) -> int:
         """Write without waiting; pyserial would wait, whatever its time-out."""
-        if os.name == "posix":
-            return os.write(self._port.fd, data)
-        return int(self._port.port.write(data) or 0)
-
-    def _open(self) -> None:
-        from pymavlink.mavutil import mavserial
-
-        self._port = mavserial(self.address.host, baud=self.address.port)
-        self._port.port.write_timeout = 0
-        self._connected = True
-        self._connections += 1
+        return int(os.write(self._file, data) if os.name == "posix" else self._port.write(data) or 0)

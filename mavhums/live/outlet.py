@@ -249,7 +249,6 @@ def _descriptor(stream: TextIO | None) -> int | None:
         return None
 
 
-_LOG = logging.getLogger(__name__)
 _SYNC_S = 1.0
 _CLOSE_S = 1.0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -43,7 +42,6 @@ from mavhums.show.words import clock
 if TYPE_CHECKING:
     from mavhums.show.viewer import LiveViewer, Recorder
 
-_LOG = logging.getLogger(__name__)
 _SAMPLES: Final = 100_000
 """How many samples may wait: about a minute of an aircraft with 16 actuators at 100 Hz, 10 MB."""
 
@@ -57,7 +55,7 @@ _LINES: Final[dict[type, type[WindowObject | ConditionObject | NoticeObject]]] =
 
 
 class DrawingSink(LiveSink):
-    """Draws in a thread of its own, and drops what waits too long; a failure is reported once, ends nothing.
+    """Draws in a thread of its own, and drops what waits too long; a failure ends nothing else.
 
     Of alerts it draws nothing: the change was already drawn.
 
@@ -76,22 +74,21 @@ class DrawingSink(LiveSink):
     def __init__(
         self, drawing: LiveViewer | Recorder, name: str, release: Callable[[], object], *, patience_s: float
     ) -> None:
-        self.outlet: Outlet[Callable[[], object]] = Outlet(name, lambda call: call(), room=_SAMPLES)
+        self.outlet: Outlet[Callable[[], object]] = Outlet(name, self._draw, room=_SAMPLES)
         self._drawing, self._release, self._patience_s = drawing, release, patience_s
-        self._failed = False
 
     def consume(self, events: Sequence[Event]) -> None:
         """Draw events."""
         samples = sum(event.time_s.size for event in events if isinstance(event, Samples))
-        self.outlet.put(partial(self._try, partial(self._drawing.consume, events)), 1 + samples)
+        self.outlet.put(partial(self._drawing.consume, events), 1 + samples)
 
     def tick(self, status: StatusObject, stale: Sequence[StaleObject]) -> None:
         """Check whether the viewer still runs."""
-        self.outlet.put(self._look)
+        self.consume(())
 
     def close(self, assessment: Assessment) -> None:
         """Draw the verdicts."""
-        self.outlet.put(partial(self._try, partial(self._drawing.close, assessment)))
+        self.outlet.put(partial(self._drawing.close, assessment))
 
     def finish(self) -> bool:
         """Release the drawing; return whether it was released within its time."""
@@ -99,19 +96,10 @@ class DrawingSink(LiveSink):
         self.outlet.put(self._release)
         return self.outlet.close(self._patience_s - (time.monotonic() - began_s))
 
-    def _look(self) -> None:
-        trouble: str | None = getattr(self._drawing, "trouble", None)  # a recording has none
-        if trouble and not self._failed:
-            self._failed = True
-            _LOG.error("%s", trouble)
-
-    def _try(self, draw: Callable[[], object]) -> None:
-        try:
-            draw()
-        except Exception as error:
-            if not self._failed:
-                self._failed = True
-                _LOG.error("drawing has ended: %s", error, exc_info=_LOG.isEnabledFor(logging.DEBUG))
+    def _draw(self, draw: Callable[[], object]) -> None:
+        draw()
+        if trouble := getattr(self._drawing, "trouble", None):  # a recording has none
+            raise RuntimeError(trouble)
 
 
 class JsonLines(LiveSink):

@@ -212,7 +212,7 @@ def test_a_viewer_follows_and_a_recording_stays(tmp_path: Path, worn_pieces: lis
         assert "viewer: rerun+http://127.0.0.1:" in live.output
         live.wait_for(lambda: frames_heard(live) == len(worn_pieces))
         live.stop()
-    assert "drawing has ended" not in live.output
+    assert "its output is dropped" not in live.output
     assert drawn.read_bytes().startswith(b"RRF2")
 
 

@@ -7,7 +7,6 @@ import os
 import pytest
 
 from mavhums.live.alerts import Signer
-from mavhums.live.links import ReceiveClock
 from mavhums.live.outlet import BoundedQueue, Spool
 from mavhums.live.status import Peers
 
@@ -85,22 +84,6 @@ def test_peers_count_for_ten_seconds_and_for_what_they_sent() -> None:
     assert len(peers) == 2
     peers.forget(10 * SECOND + 1)
     assert len(peers) == 0
-
-
-def test_a_clock_that_was_set_is_read_by_its_former_setting_where_the_present_one_is_impossible() -> None:
-    wall, steady = [1000 * SECOND * 1000], [0]
-    clock = ReceiveClock(lambda: wall[0], lambda: steady[0])
-    start_us = clock.now_us()
-    steady[0] += SECOND * 1000
-    wall[0] += 101 * SECOND * 1000  # set 100 s ahead
-    before, after = (1000 * SECOND + SECOND // 2) * 1000, wall[0] - SECOND // 4 * 1000
-    assert clock.at_us([before, after], start_us) == [start_us + SECOND // 2, start_us + 3 * SECOND // 4]
-    assert clock.at_us([before - SECOND * 1000], start_us) == [start_us], "by both, before the start"
-    wall[0] += 50_000_000  # as NTP slews it: no setting
-    assert clock.at_us([before], start_us) == [start_us + SECOND // 2]
-    wall[0] += 50_000_001  # set, so that the former setting is that of 100 s
-    late = wall[0] - SECOND // 4 * 1000
-    assert clock.at_us([late], start_us) == [start_us + 3 * SECOND // 4], "possible by both: the present one"
 
 
 def test_time_stamps_of_signatures_grow() -> None:

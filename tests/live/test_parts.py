@@ -215,7 +215,7 @@ def test_lines_tell_all_by_the_schema_and_plainly_though_a_viewer_fails(
     flown(rig, worn_pieces).wait_until(EPOCH_US + 25_000_000)
     rig.end()
     assert drawn.finish()
-    assert caplog.text.count("drawing has ended: the viewer is gone") == 1
+    assert caplog.text.count("viewer: the viewer is gone; its output is dropped") == 1
     assert sum("elevator: undecided → emergency (friction)" in line for line in plainly) == 1
     assert sum("stale, silent for 3." in line for line in plainly) == 4
     told = [json.loads(line) for line in lines]
