@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import secrets
 import shutil
 import socket
@@ -85,19 +86,15 @@ def _listening(host: str, port: int) -> socket.socket:
     MavhumsError
         If it cannot.
     """
-    listening: socket.socket | None = None
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        listening = socket.socket(family, kind, protocol)
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind(address)
-        listening.listen(_WAITING)  # who asks before the page is ready waits
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        both = family == socket.AF_INET6 and socket.has_dualstack_ipv6()
+        # Who asks before the page is ready waits.
+        return socket.create_server(address, family=family, backlog=_WAITING, dualstack_ipv6=both)
     except OSError as error:
-        if listening is not None:
-            listening.close()
+        why = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
         remedy = "stop the program there, or choose another --port (0 takes a free one) or --host"
-        raise MavhumsError(f"{host}:{port}: {error.strerror or error}", remedy) from error
-    return listening
+        raise MavhumsError(f"{host}:{port}: {why or error}", remedy) from error
 
 
 def _greeting(options: ServeOptions, port: int, token: str | None) -> list[str]:

@@ -23,7 +23,6 @@ from mavhums.log.reader import read_blocks
 
 _MOST_BYTES: Final = 150
 _SEPARATORS: Final = re.compile(r"[/\\]")
-_SPARE: Final = 256 << 20
 _LOGS: Final = ".logs"
 """Ends the name of the folder beside a store with the logs that were kept in it."""
 
@@ -76,21 +75,6 @@ def safe_name(name: str) -> str:
     return kept.encode("utf-8", "replace").decode() or "log"
 
 
-def check_size(size: int, folder: Path, limits: Quotas) -> None:
-    """Refuse a log that is too large, or for which there is no room.
-
-    Raises
-    ------
-    MavhumsError
-        If it is.
-    """
-    if size > limits.log_bytes:
-        problem = f"larger than {limits.log_bytes / 1e6:,.0f} MB, the limit of this page"
-        raise MavhumsError(problem, "judge it with `mavhums analyse`, or start `mavhums serve --max-mb`")
-    if size + _SPARE > shutil.disk_usage(folder).free:
-        raise MavhumsError("no room for it on the disk of the page's computer", "make room and drop it again")
-
-
 def is_archive(path: Path) -> bool:
     """Return whether a file begins as a zip archive does; one that its user has removed does not."""
     try:
@@ -115,7 +99,10 @@ async def receive(stream: AsyncIterator[bytes], target: Path, limits: Quotas) ->
                 async for part in stream:
                     size += len(part)
                     if size > limits.log_bytes:
-                        check_size(size, target.parent, limits)
+                        raise MavhumsError(
+                            f"larger than {limits.log_bytes / 1e6:,.0f} MB, the limit of this page",
+                            "judge it with `mavhums analyse`, or start `mavhums serve --max-mb`",
+                        )
                     await asyncio.to_thread(file.write, part) if len(part) > 1 << 16 else file.write(part)
         if not size:
             raise MavhumsError("the file is empty", "check that the logger has written it")

@@ -13,7 +13,7 @@ from contextlib import ExitStack, asynccontextmanager
 from ctypes import c_longlong
 from functools import partial
 from multiprocessing.sharedctypes import RawArray
-from typing import Final, NamedTuple
+from typing import Final
 
 from mavhums.core.process_pool import process_pool
 from mavhums.serve import worker
@@ -38,13 +38,6 @@ and where it is refused, chance decides whether a thread's stack still fits.
 Progress = Callable[[int], None]
 
 
-class _Waiting(NamedTuple):
-    """A user who waits for a turn; the turn is the place of the job among those that run."""
-
-    user: str
-    turn: asyncio.Future[int]
-
-
 class Workers:
     """Judges with a few processes, for several users in turn.
 
@@ -66,7 +59,8 @@ class Workers:
         self._read = RawArray(c_longlong, limits.workers)
         self._function = partial(function, self._read)
         self._free = [*range(limits.workers)]
-        self._waiting: list[_Waiting] = []
+        self._waiting: list[str] = []
+        self._change = asyncio.Condition()
         self._running: Counter[str] = Counter()
         self.yields: Callable[[str], bool] = lambda _: False
 
@@ -136,30 +130,24 @@ class Workers:
     @asynccontextmanager
     async def _turn(self, user: str) -> AsyncIterator[int]:
         """Wait until one job more may run and this user is next; yield its place among those that run."""
-        turn: asyncio.Future[int] = asyncio.get_running_loop().create_future()
-        self._waiting.append(_Waiting(user, turn))
-        self._give()
-        try:
-            place = await turn
-        except asyncio.CancelledError:
-            if turn.done() and not turn.cancelled():
-                self._free.append(turn.result())
-                self._running[user] -= 1
-                self._give()
-            raise
+        async with self._change:
+            self._waiting.append(user)
+            try:
+                await self._change.wait_for(lambda: self._free and self._next() == user)
+                place = self._free.pop()
+                self._running[user] += 1
+            finally:
+                self._waiting.remove(user)
+                self._change.notify_all()
         try:
             yield place
         finally:
             self._running[user] -= 1
             self._running += Counter()
             self._free.append(place)
-            self._give()
+            async with self._change:
+                self._change.notify_all()
 
-    def _give(self) -> None:
-        """Give the free places to the waiting users whose turn it is."""
-        self._waiting = [one for one in self._waiting if not one.turn.done()]
-        while self._free and self._waiting:
-            one = min(self._waiting, key=lambda one: (self._running[one.user], self.yields(one.user)))
-            self._waiting.remove(one)
-            self._running[one.user] += 1
-            one.turn.set_result(self._free.pop())
+    def _next(self) -> str:
+        """Return the waiting user whose turn it is."""
+        return min(self._waiting, key=lambda user: (self._running[user], self.yields(user)))

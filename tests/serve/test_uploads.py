@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.uploads import Quotas, check_size, receive, safe_name
+from mavhums.serve.uploads import Quotas, receive, safe_name
 
 SMALL = Quotas(log_bytes=1000, upload_s=0.1)
 
@@ -66,8 +66,3 @@ def test_an_upload_replaces_nothing(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"before")
     with pytest.raises(MavhumsError, match="cannot be stored"):
         asyncio.run(receive(parts(1), tmp_path / "a", SMALL))
-
-
-def test_a_disk_without_room_is_told(tmp_path: Path) -> None:
-    with pytest.raises(MavhumsError, match="no room"):
-        check_size(1 << 60, tmp_path, Quotas(log_bytes=1 << 61))
