@@ -20,7 +20,7 @@ def draw(source: str | Path, *, settle_s: float = 0.0, patience_s: float = 120.0
     Parameters
     ----------
     source
-        A recording, a log that an importer knows, or the URL of a live flight.
+        A recording, or the URL of a live flight.
     settle_s
         Minimum display time: the viewer shows start messages for six seconds.
     patience_s

@@ -80,14 +80,13 @@ FORMATS: Final = (
 _SIGNED: Final = tuple(known for known in FORMATS if known.signature)
 
 SUFFIXES: Final = tuple(suffix for known in FORMATS for suffix in known.suffixes)
-SIGNATURES: Final = tuple(known.signature for known in _SIGNED)
 
 _CLUES: Final = 3
 _PIECE: Final = 1 << 16
 _SEARCHED: Final = 1 << 16
 _FRAME_AT: Final = (0, 8)  # a MAVLink frame comes first, or after a time stamp
 _FRAME: Final = (0xFD, 0xFE)
-_LONGEST: Final = max(*_FRAME_AT, *map(len, SIGNATURES)) + 1
+_LONGEST: Final = max(*_FRAME_AT, *(len(known.signature) for known in _SIGNED)) + 1
 
 
 def format_of(head: bytes) -> Format:
