@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from mavhums.results.assessment import Assessment
 
 _LOG = logging.getLogger(__name__)
-_PATIENCE_S, _RECORDING_S = 0.5, 10.0  # for readers that stall, and for finishing a recording
+_PATIENCE_S = 0.5  # for readers that stall
 _LEVELS = ("debug", "info", "warning", "error")
 
 
@@ -70,9 +70,6 @@ _LEVELS = ("debug", "info", "warning", "error")
     metavar="[MODE]",
     help="Follow in a Rerun viewer: window (default), browser, web (serve a page), serve, or the URL of one.",
 )
-@click.option(
-    "--rrd", type=PATH, metavar="OUT", help="Write a Rerun recording as well; it appears at the end."
-)
 @click.option("--no-position", is_flag=True, help="Do not draw the aircraft's position.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event, a line each.")
 @click.option(
@@ -81,16 +78,13 @@ _LEVELS = ("debug", "info", "warning", "error")
     metavar="S",
     help="Stop after this many seconds. Default: run until Ctrl-C, SIGTERM or SIGHUP.",
 )
-@click.option("-v", "--verbose", is_flag=True, help="The same as --log-level info.")
 @click.option(
     "--log-level",
     type=click.Choice(_LEVELS),
     default="warning",
     help="Which messages go to the standard error.",
 )
-def live(
-    options: Options, duration: float | None, verbose: bool, log_level: str, as_json: bool, **given: Any
-) -> None:
+def live(options: Options, duration: float | None, log_level: str, as_json: bool, **given: Any) -> None:
     """Follow MAVLink links and judge every actuator while it flies.
 
     \b
@@ -116,8 +110,6 @@ def live(
         given |= {"urls": (given["viewer"], *given["urls"]), "viewer": "window"}
     if not given["urls"]:
         raise click.UsageError("name a link, for example udpin:14550")
-    if given["record"] and given["rrd"] and given["record"] == given["rrd"]:
-        raise click.UsageError("--record and --rrd name the same file")
     store, keep, aircraft = (given.pop(name) for name in ("store", "keep", "aircraft"))
     if keep and given["record"] is None:
         raise click.UsageError("--keep needs --record FILE")
@@ -128,16 +120,15 @@ def live(
         kept = Store(store)
         with kept.writing():
             judging = replace(judging, store=kept)
-    level = "info" if verbose and log_level == "warning" else log_level
     from mavhums.live.outlet import Spool
     from mavhums.live.setup import LiveOptions
 
     out, err = Spool(sys.stdout, "standard output"), Spool(sys.stderr, "standard error", report=None)
-    shows = _Outputs(given.pop("viewer"), given.pop("rrd"), not given.pop("no_position"), as_json)
+    shows = _Outputs(given.pop("viewer"), not given.pop("no_position"), as_json)
     wanted = LiveOptions(judging=judging, **given)
     with StopSignal(duration) as stop:
         try:
-            assessment, shown = _follow(wanted, shows, level, stop, (out, err))
+            assessment, shown = _follow(wanted, shows, log_level, stop, (out, err))
         finally:
             written = out.finish(time.monotonic() + _PATIENCE_S)
             if out.outlet.dropped:
@@ -167,10 +158,9 @@ def _kept(assessment: Assessment, judging: Options) -> ExitCode:
 
 
 class _Outputs(NamedTuple):
-    """What the user sees of a session: a viewer, a recording, and JSON or text."""
+    """What the user sees of a session: a viewer, and JSON or text."""
 
     viewer: str | None
-    rrd: Path | None
     position: bool
     as_json: bool
 
@@ -187,9 +177,9 @@ def _follow(
     console = Console(file=cast("IO[str]", out))
     watched = console.is_terminal and not shows.as_json
     _log(level, err, console if watched else None)
-    alone = not (shows.viewer or shows.rrd or options.record or options.alerts or options.alerts_to)
+    alone = not (shows.viewer or options.record or options.alerts or options.alerts_to)
     with ExitStack() as exits:
-        drawn = _drawn(shows, exits)
+        drawn = _drawn(shows, exits) if shows.viewer else []
         session = prepare(options, drawn, vehicle_states=bool(drawn))
         session.status.outlets += [out.outlet, err.outlet, *(one.outlet for one in drawn)]
         gc.collect()
@@ -209,26 +199,17 @@ def _follow(
 
 
 def _drawn(shows: _Outputs, exits: ExitStack) -> list[DrawingSink]:
-    """Open a viewer and a recording, if requested."""
-    viewer, rrd, position = shows.viewer, shows.rrd, shows.position
+    """Open the viewer."""
     from mavhums.live.sinks import DrawingSink
-    from mavhums.show.viewer import LiveViewer, Recorder
+    from mavhums.show.viewer import LiveViewer
 
-    name, sinks = f"live-{time.time_ns():x}", []
-
-    def add(drawn: LiveViewer | Recorder, kind: str, patience_s: float) -> None:
-        drawing = exits.enter_context(ExitStack())
-        drawing.enter_context(drawn)
-        sinks.append(DrawingSink(drawn, kind, drawing.close, patience_s=patience_s))
-
-    if viewer is not None:
-        shown = LiveViewer(viewer, recording_id=name, position=position)
-        add(shown, "viewer", _PATIENCE_S)
-        if viewer != "window":
-            click.echo(f"viewer: {shown.url}", err=True)
-    if rrd is not None:
-        add(Recorder(rrd, recording_id=name, position=position), "recording", _RECORDING_S)
-    return sinks
+    mode = shows.viewer or "window"
+    viewer = LiveViewer(mode, recording_id=f"live-{time.time_ns():x}", position=shows.position)
+    drawing = exits.enter_context(ExitStack())
+    drawing.enter_context(viewer)
+    if mode != "window":
+        click.echo(f"viewer: {viewer.url}", err=True)
+    return [DrawingSink(viewer, "viewer", drawing.close, patience_s=_PATIENCE_S)]
 
 
 def _write_json(

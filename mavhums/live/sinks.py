@@ -40,7 +40,7 @@ from mavhums.show.terminal import parts
 from mavhums.show.words import clock
 
 if TYPE_CHECKING:
-    from mavhums.show.viewer import LiveViewer, Recorder
+    from mavhums.show.viewer import LiveViewer
 
 _SAMPLES: Final = 100_000
 """How many samples may wait: about a minute of an aircraft with 16 actuators at 100 Hz, 10 MB."""
@@ -62,7 +62,7 @@ class DrawingSink(LiveSink):
     Parameters
     ----------
     drawing
-        An open viewer or recording; from now on only the thread uses it.
+        An open viewer; from now on only the thread uses it.
     name
         Name in messages.
     release
@@ -72,7 +72,7 @@ class DrawingSink(LiveSink):
     """
 
     def __init__(
-        self, drawing: LiveViewer | Recorder, name: str, release: Callable[[], object], *, patience_s: float
+        self, drawing: LiveViewer, name: str, release: Callable[[], object], *, patience_s: float
     ) -> None:
         self.outlet: Outlet[Callable[[], object]] = Outlet(name, self._draw, room=_SAMPLES)
         self._drawing, self._release, self._patience_s = drawing, release, patience_s
@@ -98,7 +98,7 @@ class DrawingSink(LiveSink):
 
     def _draw(self, draw: Callable[[], object]) -> None:
         draw()
-        if trouble := getattr(self._drawing, "trouble", None):  # a recording has none
+        if trouble := self._drawing.trouble:
             raise RuntimeError(trouble)
 
 

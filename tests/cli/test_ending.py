@@ -88,11 +88,11 @@ BLOCKED = {
     "analyse {log} --json": "stdout",
     "report {log} -o {pipe}": "",
     "export - -o {folder}/v.csv": "stdin",
-    "trend {folder}/flights --json": "stdout",
-    "fleet scan {folder}/logs --to {folder}/store --airframe {pipe}": "",
-    "fleet watch {folder}/logs --to {folder}/store --settle 0 --workers 0": "stdout",
+    "inspect {log} --json": "stdout",
+    "fleet scan {folder}/logs --store {folder}/store --airframe {pipe}": "",
+    "fleet watch {folder}/logs --store {folder}/store --settle 0 --workers 0": "stdout",
     "live udpin:14996 --key {pipe}": "",
-    "live udpin:14996 -v": "stderr",
+    "live udpin:14996 --log-level info": "stderr",
     "serve --port 0": "stdout",
 }
 
@@ -109,7 +109,6 @@ def test_a_signal_ends_programs_that_wait_for_others(
     commands: list[str], number: signal.Signals, short_log: Path, tmp_path: Path
 ) -> None:
     """A pipe without another end, a reader that has stopped; all end some seconds after the signal."""
-    (tmp_path / "flights").mkdir()
     (tmp_path / "logs").mkdir()
     (tmp_path / "logs" / "a.tlog").write_bytes(short_log.read_bytes())
     os.mkfifo(tmp_path / "pipe")

@@ -86,6 +86,8 @@ def test_a_program_without_an_output_runs() -> None:
 class Hanging(LiveSink):
     """A viewer that hangs in the first call."""
 
+    trouble = None
+
     def __init__(self) -> None:
         self.gate = Gate()
 

@@ -196,6 +196,8 @@ def test_the_view_stays_in_place_and_leaves_nothing(rig: Rig, worn_pieces: list[
 class Failing:
     """Raises as a viewer does that was closed."""
 
+    trouble = None
+
     def consume(self, events: object) -> None:
         raise RuntimeError("the viewer is gone")
 
