@@ -40,12 +40,15 @@ class Judged(NamedTuple):
         The flight before the comparison.
     error
         Why it could not be kept; None if it was, or was not to be.
+    kept
+        Whether the store has it as it was judged now: of a copy it keeps the log that it has.
     """
 
     log: Path
     assessment: Assessment
     alone: StandaloneAssessment
     error: MavhumsError | None = None
+    kept: bool = False
 
 
 class Failed(NamedTuple):
@@ -76,6 +79,11 @@ class Failed(NamedTuple):
     @property
     def assessment(self) -> None:
         """None: there is none."""
+
+    @property
+    def kept(self) -> bool:
+        """False: it is not."""
+        return False
 
     @property
     def error(self) -> MavhumsError:
@@ -249,7 +257,7 @@ def among_own(log: Path, alone: StandaloneAssessment, settings: Settings) -> Jud
         except MavhumsError as error:
             return Judged(log, settings.resolver.named(alone.assessment), alone, error)
     own = OwnFlights(settings.store, alone.assessment, settings.resolver)
-    return Judged(log, own.kept(alone) if landed else own.compared(alone), alone)
+    return Judged(log, own.kept(alone) if landed else own.compared(alone), alone, kept=landed)
 
 
 _WORTH_BYTES: Final = 64 << 20  # fewer are judged in the time that processes need to start

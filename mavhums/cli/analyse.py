@@ -300,7 +300,7 @@ def analyse(
         kept = 0
         for outcome in analyse_many(logs, settings, batch):
             printer.show(outcome)
-            kept += options.keep and outcome.error is None
+            kept += outcome.kept
     if kept:
         say(f"mavhums: {kept} {'log is' if kept == 1 else 'logs are'} kept in {settings.store}", err=True)
     written = [recording for recording in recordings.values() if recording.exists()]

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Final, NamedTuple
 
-from mavhums.app.settings import Options
+from mavhums.app.settings import Options, Settings
 from mavhums.core.errors import MavhumsError, UnreadableLogError
 from mavhums.core.output import written_whole
 from mavhums.core.packed import COMPRESSED, members
@@ -200,8 +200,8 @@ def keep(options: Options, log: Path, aircraft: str | None = None) -> str:
     MavhumsError
         If it cannot be kept.
     """
-    named = replace(options, aircraft=f"={aircraft}") if aircraft else options
-    [done] = in_processes(partial(_outcome, named), [log], 1)
+    named = replace(options, keep=True, aircraft=f"={aircraft}" if aircraft else options.aircraft)
+    [done] = in_processes(partial(_kept, named), [log], 1)
     if isinstance(done, LostItem):
         raise MavhumsError("the process that keeps it crashed", "keep it with `mavhums analyse --keep`")
     if isinstance(done, MavhumsError):
@@ -209,62 +209,44 @@ def keep(options: Options, log: Path, aircraft: str | None = None) -> str:
     return done
 
 
-def _outcome(options: Options, log: Path) -> str | MavhumsError:
-    """Return what was done, or the error without the folder of the store; the page shows it and goes on."""
-    from mavhums.app.analysis import Failed
+def _kept(options: Options, log: Path) -> str | MavhumsError:
+    """Copy a log into a folder beside the store and judge it there; a copy that is not kept is removed.
 
-    try:
-        return _kept(options, log)
-    except Exception as error:
-        failed, folder = (
-            Failed.of(Path(log.name), error),
-            f"{Path(str(options.store)).absolute().parent}{os.sep}",
-        )
-        problem, remedy = (text.replace(folder, "") for text in (failed.problem, failed.remedy))
-        if isinstance(error, UnnamedAircraftError):
-            return UnnamedAircraftError(problem, remedy, error.proposed)
-        return MavhumsError(problem, remedy)
-
-
-def _kept(options: Options, log: Path) -> str:
-    """Copy a log into a folder beside the store and judge it there; a copy that is not kept is removed."""
-    from mavhums.app.analysis import analyse
+    An error that is returned names neither the copy nor the folder of the store: the page shows it.
+    """
+    from mavhums.app.analysis import Failed, Judged, judge
 
     place = str(options.store)
     if "://" in place:
         remedy = "keep it with `mavhums analyse --keep`, where it lies"
-        raise MavhumsError("a store at an address has no folder for logs", remedy)
-    store = Path(place)
-    with log.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    copy = store.absolute().with_name(f"{store.name}{_LOGS}") / digest[:16] / log.name
+        return MavhumsError("a store at an address has no folder for logs", remedy)
+    store, copy = Path(place).absolute(), log
     try:
+        with log.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        copy = store.with_name(f"{store.name}{_LOGS}") / digest[:16] / log.name
         copy.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(copy) as temporary:
+        with written_whole(copy, remedy="make room in the store") as temporary:
             shutil.copyfile(log, temporary)
+        judged = judge(copy, Settings.read(options))
     except OSError as error:
-        raise MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store") from error
-    try:
-        analyse(copy, options, keep=True)
-        if _lies_there(store, copy):
-            return f"kept in the store as {copy.name}; see the fleet"
-    except BaseException as error:
+        return MavhumsError(f"cannot be stored: {error.strerror}", "make room in the store")
+    except MavhumsError as error:
+        judged = Failed.of(copy, error)
+    if isinstance(judged, Judged) and judged.kept:
+        return f"kept in the store as {copy.name}; see the fleet"
+    if copy is not log:
         _remove(copy)
-        if isinstance(error, MavhumsError):
-            error.problem = error.problem.replace(str(copy), log.name)
-        raise
-    _remove(copy)
-    return "the store has this log already; see the fleet"
+    if judged.error is None:
+        return "the store has this log already; see the fleet"
 
+    def shown(text: str) -> str:
+        return text.replace(str(copy), log.name).replace(f"{store.parent}{os.sep}", "")
 
-def _lies_there(store: Path, copy: Path) -> bool:
-    from sqlalchemy import select
-
-    from mavhums.flights.store import Store
-    from mavhums.flights.store.tables import LOG
-
-    with Store(store).reading() as connection:
-        return connection.scalar(select(LOG.c.id).where(LOG.c.path == str(copy))) is not None
+    problem, remedy = shown(judged.error.problem), shown(judged.error.remedy)
+    if isinstance(judged.error, UnnamedAircraftError):
+        return UnnamedAircraftError(problem, remedy, judged.error.proposed)
+    return MavhumsError(problem, remedy)
 
 
 def _remove(copy: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
@@ -10,8 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mavhums import fleet
+from mavhums.app.settings import Options
 from mavhums.core.errors import MavhumsError
-from mavhums.serve.uploads import Quotas, receive, safe_name
+from mavhums.serve.uploads import Quotas, keep, receive, safe_name
 
 SMALL = Quotas(log_bytes=1000, upload_s=0.1)
 
@@ -66,3 +69,20 @@ def test_an_upload_replaces_nothing(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"before")
     with pytest.raises(MavhumsError, match="cannot be stored"):
         asyncio.run(receive(parts(1), tmp_path / "a", SMALL))
+
+
+def test_a_log_is_kept_once_and_beside_its_store(healthy_log: Path, tmp_path: Path) -> None:
+    options = Options(store=tmp_path / "store")
+    first, again, noise = (tmp_path / name for name in ("a.tlog", "b.tlog", "noise.tlog"))
+    for log in (first, again):
+        shutil.copy(healthy_log, log)
+    noise.write_bytes(b"no log" * 999)
+    assert keep(options, first, "D-A") == "kept in the store as a.tlog; see the fleet"
+    assert keep(options, again, "D-A") == "the store has this log already; see the fleet"
+    with pytest.raises(MavhumsError, match=r"noise\.tlog") as caught:
+        keep(options, noise, "D-A")
+    assert str(tmp_path) not in f"{caught.value}"
+    assert [copy.name for copy in (tmp_path / "store.logs").rglob("*.tlog")] == ["a.tlog"]
+    assert {each.aircraft for each in fleet.worst(tmp_path / "store")} == {"D-A"}
+    with pytest.raises(MavhumsError, match="a store at an address has no folder"):
+        keep(Options(store="postgresql://nobody@localhost/none"), first)
