@@ -63,11 +63,6 @@ class LiveOptions:
         Component id of the sender of alerts and heartbeats.
     silent
         Whether nothing but alerts is sent; without a HEARTBEAT many vehicles send less, or nothing.
-
-    Raises
-    ------
-    AddressError
-        If a URL has none of the accepted forms.
     """
 
     urls: Sequence[str]
@@ -77,10 +72,6 @@ class LiveOptions:
     alerts_to: str | None = None
     component: int = COMPONENT
     silent: bool = False
-
-    def __post_init__(self) -> None:
-        for url in (*self.urls, *filter(None, [self.alerts_to])):
-            Address.parse(url)
 
 
 def prepare(options: LiveOptions, sinks: Sequence[LiveSink] = (), *, vehicle_states: bool = False) -> Session:

@@ -16,6 +16,7 @@ from fastapi.security import HTTPBearer
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.staticfiles import StaticFiles
 
 from mavhums.core.about import EPILOG, NOTICE, __version__
 from mavhums.core.errors import MavhumsError
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 _STATIC: Final = Path(__file__).parent / "static"
 # The example: mavhums-sim flight --friction elevator=0.2..1.2 --seed 11 --duration 45 --rate 10
 # --tier instrumented
-_ASSETS: Final = ("charts.js", "example.tlog.xz", "page.css", "page.js", "viewer.js")
 _PLOTLY: Final = "plotly.min.js"
 _REPORT: Final = (
     "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; "
@@ -131,14 +131,11 @@ def add_routes(app: FastAPI, sessions: Sessions, store: str | None) -> LogOf:
         except MavhumsError as error:
             return PlainTextResponse(str(error), status_code=503)
 
-    @app.get("/static/{name}")
-    async def asset(name: str) -> Response:
-        if name == _PLOTLY:
-            return FileResponse(_plotly() / name)
-        if name not in _ASSETS:
-            raise _MissingError
-        return FileResponse(_STATIC / name)
+    @app.get(f"/static/{_PLOTLY}")
+    async def plotly() -> Response:
+        return FileResponse(_plotly() / _PLOTLY)
 
+    app.mount("/static", StaticFiles(directory=_STATIC))
     if store is not None:
         _add_stored(app, sessions, store)
     return found

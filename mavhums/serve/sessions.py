@@ -8,7 +8,8 @@ import secrets
 import shutil
 import tempfile
 import time
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator, Coroutine, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -68,6 +69,8 @@ class Dropped:
         Which archive it came in, and what else that held.
     asked
         Aircraft that are proposed where the user must name its own; None where it is not asked for.
+    entered
+        Whether it belongs to a session.
     """
 
     id: str
@@ -85,6 +88,11 @@ class Dropped:
     kept: str = ""
     note: str = ""
     asked: tuple[str, ...] | None = None
+    entered: bool = False
+
+    def fail(self, problem: str, remedy: str) -> None:
+        """Say why it cannot be judged."""
+        self.problem, self.remedy, self.state = problem, remedy, "failed"
 
     @property
     def name(self) -> str:
@@ -174,19 +182,29 @@ class Sessions:
             If it is refused.
         """
         self._check_number(user)
-        id_ = secrets.token_hex(8)
-        log = Dropped(id_, self.folder / id_ / safe_name(name))
-        try:
-            log.report.parent.mkdir(parents=True, mode=0o700)
+        with self._placed(safe_name(name)) as log:
             log.size = await receive(stream, log.path, self.limits)
             self._make_room(user)
-        except BaseException:
-            shutil.rmtree(log.path.parent, ignore_errors=True)
-            raise
-        session = self._sessions.setdefault(user, UserSession(user))
-        session.logs[id_] = log
-        self._begin(session, self._judge(session, log))
+            self._enter(self._sessions.setdefault(user, UserSession(user)), log)
         return log
+
+    @contextmanager
+    def _placed(self, name: str) -> Iterator[Dropped]:
+        """Yield a log in a folder of its own, which is removed unless the log has entered a session."""
+        id_ = secrets.token_hex(8)
+        log = Dropped(id_, self.folder / id_ / name)
+        try:
+            log.report.parent.mkdir(parents=True, mode=0o700)
+            yield log
+        finally:
+            if not log.entered:
+                shutil.rmtree(log.path.parent, ignore_errors=True)
+
+    def _enter(self, session: UserSession, log: Dropped) -> None:
+        """Put a log into a session, and judge it."""
+        log.entered = True
+        session.logs[log.id] = log
+        self._begin(session, self._judge(session, log))
 
     def _make_room(self, user: str) -> None:
         """Refuse a log too many; for a session too many, the one whose page was closed first ends.
@@ -221,16 +239,14 @@ class Sessions:
         if self.is_full:
             raise MavhumsError("too many logs at a time", "wait for the answers, then send it again")
         self._passing += 1
-        log = Dropped("", self.folder / secrets.token_hex(8) / safe_name(name))
         try:
-            log.assessment.parent.mkdir(parents=True, mode=0o700)
-            await receive(stream, log.path, self.limits)
-            job = {"do": "judge", "assessment": str(log.assessment)}
-            await self._complete(user, log.path, job)
-            return await asyncio.to_thread(log.assessment.read_bytes)
+            with self._placed(safe_name(name)) as log:
+                await receive(stream, log.path, self.limits)
+                job = {"do": "judge", "assessment": str(log.assessment)}
+                await self._complete(user, log.path, job)
+                return await asyncio.to_thread(log.assessment.read_bytes)
         finally:
             self._passing -= 1
-            shutil.rmtree(log.path.parent, ignore_errors=True)
 
     async def curves(self, user: str, log: Path, sha256: str) -> dict[str, Any]:
         """Judge a log where it lies for its curves; return them as :func:`mavhums.show.html.parts` has them.
@@ -242,16 +258,12 @@ class Sessions:
         """
         if not await asyncio.to_thread(log.is_file):
             raise MavhumsError(f"no curves: {log} is not on this computer", "drop the log to see them")
-        made = Dropped("", self.folder / secrets.token_hex(8) / "log")
-        try:
-            made.report.parent.mkdir(parents=True, mode=0o700)
+        with self._placed("log") as made:
             await self._complete(user, log, _judging(made))
             if json.loads(made.assessment.read_bytes())["log"]["sha256"] != sha256:
                 raise MavhumsError(f"no curves: {log} is another log by now", "drop the log to see them")
             curves: dict[str, Any] = json.loads(made.shown.read_bytes())["curves"]
             return curves
-        finally:
-            shutil.rmtree(made.path.parent, ignore_errors=True)
 
     def record(self, session: UserSession, log: Dropped) -> None:
         """Have the Rerun recording of a log made, once."""
@@ -296,7 +308,7 @@ class Sessions:
             log.condition, log.word, log.headline, log.todo = (answer["brief"][key] for key in _BRIEF)
             log.state = "done"
         else:
-            log.problem, log.remedy, log.state = answer["problem"], answer["remedy"], "failed"
+            log.fail(answer["problem"], answer["remedy"])
 
     async def _unpacked(self, session: UserSession, archive: Dropped) -> bool:
         """Judge each log of an archive by itself; return False if the archive can be judged as one log."""
@@ -307,14 +319,14 @@ class Sessions:
         if session.logs.get(archive.id) is not archive:
             return True
         if "problem" in answer:
-            archive.problem, archive.remedy, archive.state = answer["problem"], answer["remedy"], "failed"
+            archive.fail(answer["problem"], answer["remedy"])
             return True
         if answer["logs"] is None:
             return False
         others = ", ".join(answer["others"][:_NAMED]) + (", …" if len(answer["others"]) > _NAMED else "")
         if not answer["logs"]:
-            archive.problem, archive.state = f"it contains no log, but {others}", "failed"
-            archive.remedy = "drop the logs themselves, or an archive that contains them"
+            remedy = "drop the logs themselves, or an archive that contains them"
+            archive.fail(f"it contains no log, but {others}", remedy)
             return True
         note = f"From {archive.name}" + (f"; not judged in it: {others}" if others else "")
         for path in map(Path, answer["logs"]):
@@ -324,12 +336,10 @@ class Sessions:
 
     def _take(self, session: UserSession, path: Path, note: str) -> None:
         """Judge a log that lies on this computer already."""
-        id_ = secrets.token_hex(8)
-        log = Dropped(id_, self.folder / id_ / path.name, size=path.stat().st_size, note=note)
-        log.report.parent.mkdir(parents=True, mode=0o700)
-        path.rename(log.path)
-        session.logs[id_] = log
-        self._begin(session, self._judge(session, log))
+        with self._placed(path.name) as log:
+            log.size, log.note = path.stat().st_size, note
+            path.rename(log.path)
+            self._enter(session, log)
 
     async def _record(self, session: UserSession, log: Dropped) -> None:
         answer = await self._run(session.id, log.path, {"do": "record", "recording": str(log.rrd)})
