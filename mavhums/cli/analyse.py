@@ -157,9 +157,12 @@ class _JsonPrinter(_OutcomePrinter):
     """
 
     def __init__(self, *, several: bool) -> None:
+        from mavhums.results.assessment import SCHEMA
+
         super().__init__()
         self._several = several
-        self._opened = False
+        self._first = f'{{\n  "schema": {json.dumps(SCHEMA)},\n  "assessments": ['
+        self._before = self._first
         self._failures: list[dict[str, str]] = []
 
     def show(self, outcome: Judged | Failed) -> None:
@@ -171,10 +174,9 @@ class _JsonPrinter(_OutcomePrinter):
         if not self._several:
             say_json(assessment.to_json())
             return
-        separator = ",\n" if self._opened else f"{self._object()[0]}\n"
-        self._opened = True
         content = json.dumps(json.loads(assessment.to_json()), indent=2, ensure_ascii=False)
-        say_json(separator + indent(content, "    "), nl=False)
+        say_json(f"{self._before}\n{indent(content, '    ')}", nl=False)
+        self._before = ","
         sys.stdout.flush()
 
     def _failed(self, log: Path, error: MavhumsError) -> None:
@@ -184,16 +186,9 @@ class _JsonPrinter(_OutcomePrinter):
         """Print the end of the object."""
         if not self._several and not self._failures:
             return
-        head, tail = self._object()
-        say_json(f"\n  {tail}" if self._opened else head + tail)
-
-    def _object(self) -> tuple[str, str]:
-        """Return the object of the schema, up to the assessments and from their end on."""
-        from mavhums.results.assessment import SCHEMA
-
-        content = {"schema": SCHEMA, "assessments": [], "failures": self._failures}
-        head, _, tail = json.dumps(content, indent=2, ensure_ascii=False).partition('"assessments": []')
-        return f'{head}"assessments": [', f"]{tail}"
+        end = f"{self._first}]" if self._before == self._first else "\n  ]"
+        failures = json.dumps({"failures": self._failures}, indent=2, ensure_ascii=False)
+        say_json(f"{end},{failures.removeprefix('{')}")
 
 
 def _recordings_of(logs: Sequence[Path], rrd: Path | None) -> dict[Path, Path]:
