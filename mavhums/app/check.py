@@ -92,6 +92,14 @@ class Sweep:
         return f"{self.actuator}: {'; '.join(self.faults) or 'ok'}{state}\n  {', '.join(shown)}"
 
 
+_STANDS: Final[Mapping[str, Callable[[Array], Flags]]] = {
+    "state": lambda values: values[:, _ARMED] <= 0,
+    "landed": lambda values: values[:, 0] == ON_GROUND,
+    "groundspeed": lambda values: values[:, 0] < STILL_M_S,
+}
+"""Which values of a signal say that a vehicle stands."""
+
+
 class _Standing:
     """When each vehicle stood on the ground, as far as the log tells."""
 
@@ -101,19 +109,12 @@ class _Standing:
 
     def feed(self, tables: Mapping[str, Table]) -> None:
         for signal in self._signals.read(tables):
-            if signal.name == "state":
-                said = signal.values[:, _ARMED] <= 0
-            elif signal.name == "landed":
-                said = signal.values[:, 0] == ON_GROUND
-            elif signal.name == "groundspeed":
-                said = signal.values[:, 0] < STILL_M_S
-            else:
-                continue
-            times, states = self._changes.setdefault((signal.vehicle, signal.name), ([], []))
-            for at, now in zip(signal.time_us.tolist(), said.tolist(), strict=True):
-                if not states or states[-1] != now:
-                    times.append(at)
-                    states.append(now)
+            if signal.name in _STANDS:
+                stands = _STANDS[signal.name](signal.values)
+                changes = np.append(True, np.diff(stands))
+                times, states = self._changes.setdefault((signal.vehicle, signal.name), ([], []))
+                times += signal.time_us[changes].tolist()
+                states += stands[changes].tolist()
 
     def known(self, vehicle: int) -> bool:
         """Return whether the log tells when the vehicle was armed."""
