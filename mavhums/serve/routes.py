@@ -289,7 +289,7 @@ def _add_store(app: FastAPI, store: str) -> None:
 
     @app.get("/fleet/trend", **_gives(TrendReport))
     async def trend(aircraft: _Aircraft) -> Response:
-        """Return an aircraft's trends, as `mavhums fleet trend --json` does."""
+        """Return an aircraft's trends, as `mavhums trend --json` does."""
         return _json((await asked(lambda: reports.trend(store, aircraft))).to_json(indent=None))
 
     @app.get("/fleet/flights", **_gives(list[Assessment]))
