@@ -36,10 +36,11 @@ from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.learn import (
     Model,
     Scheme,
+    TrainingOptions,
     packaged_models,
     train_network,
 )
-from mavhums.paper.flights import TELEMETRY, ActuatorFlight, Telemetry, fly_fleet, moving_samples
+from mavhums.paper.flights import TELEMETRY, ActuatorFlight, Fleet, Telemetry, fly_fleet, moving_samples
 from mavhums.paper.flights import windows as votes_of
 from mavhums_sim.manoeuvres import CYCLOGRAMS
 
@@ -63,13 +64,7 @@ def fleet(
 ) -> Iterable[ActuatorFlight]:
     frictions = np.random.default_rng([SEED, part]).uniform(*friction, (flights, 4))
     seed = SEED + 10_000 * part
-    return fly_fleet(
-        ACTUATOR,
-        telemetry,
-        frictions,
-        seed=seed,
-        cyclograms=cyclograms,
-    )
+    return fly_fleet(Fleet(ACTUATOR, telemetry, seed, cyclograms), frictions)
 
 
 class Tally:
@@ -144,7 +139,7 @@ def stages(models: dict[str, Model], flights: int) -> Table:
         ]
         for title, scheme in STAGES.items():
             begin = process_time()
-            result = train_network(*data, seed=1, keys=telemetry.keys, scheme=scheme)
+            result = train_network(*data, TrainingOptions(1, telemetry.keys, scheme))
             seconds = process_time() - begin
             tally = Tally(replace(packaged, network=result.network))
             for flown in tested:

@@ -19,7 +19,14 @@ from sklearn.neural_network import MLPClassifier
 from sklearn.preprocessing import MinMaxScaler
 
 from mavhums.core.quantities import KEYS
-from mavhums.learn import TanhNetworkEnsemble, exhaustive_search, genetic_search, network_objective
+from mavhums.learn import (
+    NetworkOptions,
+    TanhNetworkEnsemble,
+    Vectors,
+    exhaustive_search,
+    genetic_search,
+    network_objective,
+)
 from mavhums.paper.cyclograms import PILOT, SELECTED, TEST_NM, TRAINING_NM, fly_condition
 from mavhums.paper.experiment import samples
 from mavhums.paper.report import markdown_table
@@ -75,7 +82,8 @@ def subsets(count: int) -> None:
         for part, size in ((~held_out, count), (held_out, 2 * count))
     )
     objective = network_objective(
-        (values[training], classes[training]), (values[validation], classes[validation]), n_jobs=2
+        *(Vectors(values[rows], classes[rows]) for rows in (training, validation)),
+        options=NetworkOptions(max_iter=60, n_jobs=2),
     )
     begin, spent = perf_counter(), process_time()
     search = exhaustive_search(objective, len(KEYS))

@@ -113,6 +113,7 @@ def train(
     """
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import CommandLeakWarning, PrecedentBase, Scheme, save_model
+    from mavhums.paper.flights import ModelOptions
     from mavhums.paper.train import train_model
 
     profile = load_airframe(airframe)
@@ -128,17 +129,8 @@ def train(
     with steps("training") as progress, warnings.catch_warnings():
         warnings.simplefilter("always", CommandLeakWarning)
         warnings.showwarning = lambda message, *_: say(f"warning: {message}", err=True)
-        network, card, window = train_model(
-            profile,
-            tier=tier,
-            flights=flights,
-            seed=seed,
-            scheme=scheme,
-            precedents=base,
-            flown_weight=flown_weight,
-            tell=tell,
-            progress=progress,
-        )
+        options = ModelOptions(tier, flights, seed, scheme, flown_weight)
+        network, card, window = train_model(profile, options, precedents=base, tell=tell, progress=progress)
     model = save_model(output, network, card, window)
     took_s = time.monotonic() - started
     say(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}, {took_s:.0f} s")
@@ -201,7 +193,7 @@ def add_precedents(
     from mavhums.actuator.profile import load_airframe
     from mavhums.learn import PrecedentBase
     from mavhums.learn.precedents import PrecedentError, label_of, read_labels
-    from mavhums.paper.flights import add_log
+    from mavhums.paper.flown import add_log
 
     if (table is None) == (label is None) or (table and names):
         raise click.UsageError("name the conditions either with --labels, or with --label and --actuator")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mavhums.learn.card import Selection as Selection
     from mavhums.learn.card import WindowCard as WindowCard
     from mavhums.learn.chain import Scheme as Scheme
+    from mavhums.learn.chain import TrainingOptions as TrainingOptions
     from mavhums.learn.chain import select_features as select_features
     from mavhums.learn.evaluation import CommandLeak as CommandLeak
     from mavhums.learn.evaluation import CommandLeakWarning as CommandLeakWarning
@@ -45,10 +46,11 @@ if TYPE_CHECKING:
     from mavhums.learn.redundancy import PairwiseRedundancyFilter as PairwiseRedundancyFilter
     from mavhums.learn.redundancy import RegressionRedundancyFilter as RegressionRedundancyFilter
     from mavhums.learn.regression import NonlinearRegression as NonlinearRegression
+    from mavhums.learn.trainer import NetworkOptions as NetworkOptions
+    from mavhums.learn.trainer import Vectors as Vectors
     from mavhums.learn.training import LabelledWindows as LabelledWindows
     from mavhums.learn.training import NetworkScore as NetworkScore
     from mavhums.learn.training import TrainingResult as TrainingResult
-    from mavhums.learn.training import WindowResult as WindowResult
     from mavhums.learn.training import train_network as train_network
     from mavhums.learn.training import train_windows as train_windows
     from mavhums.learn.wrapper import SubsetSearch as SubsetSearch
@@ -58,7 +60,7 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "card": "Calibration Card Selection WindowCard",
-    "chain": "Scheme select_features",
+    "chain": "Scheme TrainingOptions select_features",
     "evaluation": "CommandLeak CommandLeakWarning brier_score calibrate check_command "
     "expected_calibration_error",
     "inference": "Network TanhNetwork WindowNetwork",
@@ -69,6 +71,7 @@ _MODULES = {
     "redundancy": "Dependence PairwiseRedundancyFilter RegressionRedundancyFilter",
     "regression": "NonlinearRegression",
     "wrapper": "SubsetSearch exhaustive_search genetic_search network_objective",
-    "training": "LabelledWindows NetworkScore TrainingResult WindowResult train_network train_windows",
+    "trainer": "NetworkOptions Vectors",
+    "training": "LabelledWindows NetworkScore TrainingResult train_network train_windows",
 }
 __getattr__, __dir__, __all__ = lazy_exports(__name__, _MODULES, missing={"sklearn": ("training", "train")})

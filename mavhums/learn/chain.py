@@ -6,21 +6,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import clone
 
-from mavhums.core.arrays import Array, Flags
+from mavhums.core.arrays import Array
 from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
 from mavhums.learn.card import ExcludedQuantity, Selection, Thinned
 from mavhums.learn.ranking import ChiSquareRanking, VectorThinning
 from mavhums.learn.redundancy import PairwiseRedundancyFilter, RegressionRedundancyFilter
 from mavhums.learn.regression import Elementary, basis_count
-from mavhums.learn.wrapper import Vectors, eliminate, search_subsets
+from mavhums.learn.trainer import Vectors
+from mavhums.learn.wrapper import eliminate, search_subsets
 
 Select = Literal["algorithm-1", "pairwise", "exhaustive", "genetic", "none"]
 SELECTIONS: tuple[Select, ...] = get_args(Select)
@@ -60,6 +60,10 @@ class Scheme:
         Number of networks to choose from; the paper trains 50.
     hidden
         Numbers of hidden neurons; the networks cycle through them.
+    bins
+        Bins of chi-square, of equal ``"width"`` or, by ``"quantile"``, of equal counts.
+    eliminates
+        Whether the wrapper leaves out one feature after the other, or searches the subsets.
 
     Raises
     ------
@@ -73,7 +77,9 @@ class Scheme:
     r2: float = 0.999
     vectors: int | None = 4000
     networks: int = 50
-    hidden: tuple[int, ...] = field(default=tuple(range(4, 17)))
+    hidden: tuple[int, ...] = tuple(range(4, 17))
+    bins: Literal["width", "quantile"] = "width"
+    eliminates: bool = False
 
     def __post_init__(self) -> None:
         """Reject options that are out of range."""
@@ -102,8 +108,34 @@ class Scheme:
         )
 
 
+def _silent(_: str) -> None:
+    """Print nothing."""
+
+
+@dataclass(frozen=True)
+class TrainingOptions:
+    """How the stages run.
+
+    Attributes
+    ----------
+    seed
+        Makes the result repeatable.
+    keys
+        The quantities, or statistics of windows, to choose from: those that the telemetry tier provides.
+    scheme
+        Options of the stages.
+    tell
+        Called with a line about each stage when it is done.
+    """
+
+    seed: int
+    keys: tuple[str, ...] = KEYS
+    scheme: Scheme = Scheme()
+    tell: Callable[[str], None] = _silent
+
+
 def select_features(
-    values: ArrayLike, emergency: ArrayLike, *, keys: Sequence[str] = KEYS, scheme: Scheme | None = None
+    values: ArrayLike, emergency: ArrayLike, *, keys: Sequence[str] = KEYS, scheme: Scheme = Scheme()
 ) -> Selection:
     """Rank quantities by chi-square, and exclude those that others explain (paper, section 3).
 
@@ -116,7 +148,7 @@ def select_features(
     keys
         The quantities to choose from, those that the telemetry tier provides.
     scheme
-        Options; None means the paper's.
+        Options of the filter.
 
     Raises
     ------
@@ -125,19 +157,13 @@ def select_features(
     ValueError
         If the data are not as described, or no quantity varies.
     """
-    scheme = scheme or Scheme()
     table = np.asarray(values, dtype=np.float64)[:, [column(key) for key in keys]]
     return select_columns(table, emergency, keys, scheme)
 
 
-def select_columns(
-    table: Array,
-    target: ArrayLike,
-    keys: Sequence[str],
-    scheme: Scheme,
-    ranking: ChiSquareRanking | None = None,
-) -> Selection:
+def select_columns(table: Array, target: ArrayLike, keys: Sequence[str], scheme: Scheme) -> Selection:
     """Do the same with any features, ``table`` (n, k), and any number of classes, ``target`` (n,)."""
+    ranking = ChiSquareRanking(strategy=scheme.bins)
     excluded: tuple[ExcludedQuantity, ...] = ()
     if scheme.select == "algorithm-1":
         multiple = _algorithm_1(scheme, len(keys), ranking).fit(table, target)
@@ -158,7 +184,7 @@ def select_columns(
         ranking, groups, kept = pairs.ranking_, pairs.groups_, pairs.get_support(indices=True)
         name = f"pairs, polynomial of degree {scheme.order}, R² ≥ {scheme.r2:g}"
     else:
-        ranking = clone(ranking or ChiSquareRanking()).fit(table, target)
+        ranking.fit(table, target)
         kept = np.flatnonzero(np.ptp(table, axis=0) > 0)
         groups, name = tuple((place,) for place in kept.tolist()), ""
         if not len(kept):
@@ -173,9 +199,7 @@ def select_columns(
     )
 
 
-def _algorithm_1(
-    scheme: Scheme, quantities: int, ranking: ChiSquareRanking | None
-) -> RegressionRedundancyFilter:
+def _algorithm_1(scheme: Scheme, quantities: int, ranking: ChiSquareRanking) -> RegressionRedundancyFilter:
     count = basis_count(len(scheme.functions), quantities, scheme.order)
     if count > _LARGEST_BASIS:
         raise MavhumsError(
@@ -187,63 +211,70 @@ def _algorithm_1(
     return RegressionRedundancyFilter(scheme.r2, functions, scheme.order, ranking=ranking)
 
 
-def reduce_vectors(
-    offered: Vectors,
-    checked: Vectors,
-    selection: Selection,
-    scheme: Scheme,
-    *,
-    seed: int,
-    eliminates: bool = False,
-    tell: Callable[[str], None] | None = None,
-) -> tuple[Vectors, Flags, Selection]:
-    """Thin the training vectors, and let the wrapper choose among the selected features.
+class Stages(NamedTuple):
+    """What the stages leave to train on.
+
+    Attributes
+    ----------
+    vectors
+        The thinned vectors.
+    offered, checked
+        All training vectors, and those held out; they, too, have the chosen features alone.
+    inputs
+        Keys of those features.
+    selection
+        Results of the stages.
+    """
+
+    vectors: Vectors
+    offered: Vectors
+    checked: Vectors
+    inputs: tuple[str, ...]
+    selection: Selection
+
+
+def run_stages(offered: Vectors, checked: Vectors, options: TrainingOptions) -> Stages:
+    """Rank and filter the features, thin the training vectors, and let the wrapper choose among the features.
 
     Parameters
     ----------
     offered, checked
-        Training vectors of the selected features, and those held out.
-    eliminates
-        Whether the wrapper leaves out one feature after the other, or searches the subsets.
-    tell
-        Called with a line about each stage when it is done, those of ``selection`` first.
-
-    Returns
-    -------
-    Vectors, Flags, Selection
-        The thinned vectors, still with all features; mask of the chosen features, shape (k,);
-        ``selection`` with the results of both stages.
+        Training vectors with a feature for each of the keys, and those held out; only the wrapper sees these.
+    options
+        Keys, scheme, seed of the draws, and what is called with a line about each stage.
     """
-    told = 0
+    scheme, seed = options.scheme, options.seed
+    selection = select_columns(offered.features, offered.classes, options.keys, scheme)
+    kept = np.isin(options.keys, selection.selected)
+    offered, checked = offered.of_features(kept), checked.of_features(kept)
+    chosen = np.ones(len(selection.selected), dtype=bool)
+    printed: list[str] = []
 
     def report() -> None:
-        nonlocal told
-        lines = selection.stage_lines(selection.chosen(chosen))
-        if tell:
-            for line in lines[told:]:
-                tell(line)
-        told = len(lines)
+        for line in selection.stage_lines(selection.chosen(chosen))[len(printed) :]:
+            options.tell(line)
+            printed.append(line)
 
-    chosen = np.ones(len(selection.selected), dtype=bool)
     report()
     vectors = _thin(offered, scheme.vectors, seed=seed)
     selection = selection.model_copy(update={"thinned": Thinned(offered=len(offered), kept=len(vectors))})
     report()
     if scheme.select != "none" and len(chosen) > 1:
-        if eliminates:
+        if scheme.eliminates:
             chosen, wrapped, rises = eliminate(vectors, checked, seed=seed)
         else:
             chosen, wrapped, rises = search_subsets(vectors, checked, scheme.select, seed=seed)
         costs = dict(zip(selection.chosen(chosen), np.round(rises, 5).tolist(), strict=True))
         selection = selection.model_copy(update={"wrapped": wrapped.model_copy(update={"costs": costs})})
         report()
-    return vectors, chosen, selection
+    vectors, offered, checked = (part.of_features(chosen) for part in (vectors, offered, checked))
+    return Stages(vectors, offered, checked, selection.chosen(chosen), selection)
 
 
 def _thin(vectors: Vectors, count: int | None, *, seed: int) -> Vectors:
     """Keep vectors that represent the similar ones, each with the weight of those (paper, section 2)."""
     if count is None or count >= len(vectors):
         return vectors
-    classes = vectors.target if vectors.target.ndim == 1 else vectors.target.argmax(axis=1)
-    thinning = VectorThinning(count, random_state=seed).fit(vectors.features, classes, vectors.weight)
+    thinning = VectorThinning(count, random_state=seed)
+    thinning.fit(vectors.features, vectors.classes, vectors.weights)
     return replace(vectors.part(thinning.indices_), weight=thinning.weights_)

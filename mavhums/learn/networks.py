@@ -16,7 +16,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 from mavhums.core.arrays import Array, Integers
 from mavhums.learn._estimators import LabelledEstimator, check_positive_integers
 from mavhums.learn.inference import TanhNetwork
-from mavhums.learn.trainer import train_networks
+from mavhums.learn.trainer import NetworkOptions, Vectors, train_networks
 
 
 class TanhNetworkEnsemble(ClassifierMixin, LabelledEstimator):
@@ -149,25 +149,18 @@ class TanhNetworkEnsemble(ClassifierMixin, LabelledEstimator):
         self.classes_ = np.unique(target)
         if len(self.classes_) != 2:
             raise ValueError(f"two classes are needed, the data hold one class: {self.classes_[0]!r}")
-        weight = sample_weight
+        weight, held_out = sample_weight, None
         if weight is not None:
             weight = _check_sample_weight(weight, values, dtype=np.float64, ensure_non_negative=True)
-        held_out = None
         if validation is not None:
-            held_out = (
-                validate_data(self, validation[0], dtype=np.float64, reset=False),
-                np.asarray(validation[1]) == self.classes_[1],
-            )
+            others = validate_data(self, validation[0], dtype=np.float64, reset=False)
+            held_out = Vectors(others, np.asarray(validation[1]) == self.classes_[1])
         trained = train_networks(
-            [int(h) for h in np.resize(np.asarray(self.hidden), self.n_networks)],
+            np.resize(np.asarray(self.hidden), self.n_networks),
             check_random_state(self.random_state).randint(2**31 - 1, size=self.n_networks),
-            (values, target == self.classes_[1]),
-            weight_decay=self.weight_decay,
-            max_iter=self.max_iter,
-            weight=weight,
-            validation=held_out,
-            patience=self.patience,
-            n_jobs=self.n_jobs,
+            Vectors(values, target == self.classes_[1], weight),
+            held_out,
+            options=NetworkOptions(self.weight_decay, self.max_iter, self.patience, n_jobs=self.n_jobs),
         )
         self.networks_, self.losses_, self.n_iter_ = trained.networks, trained.loss, trained.iterations
         self.validation_losses_ = trained.validation_loss

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from joblib import Parallel, delayed
+from numpy.typing import ArrayLike
 from scipy.special import log_softmax
 
 from mavhums.core.arrays import Array, Flags, Integers
@@ -17,8 +18,79 @@ from mavhums.learn.inference import TanhNetwork, unit_interval
 if TYPE_CHECKING:
     import torch
 
-Samples = tuple[Array, Flags]
-"""Features, shape (n, k), and whether each sample is an emergency, (n,), or of each class, (n, classes)."""
+
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """Feature vectors, shape (n, k), and the class and weight of each.
+
+    Attributes
+    ----------
+    target
+        Whether each is an emergency, shape (n,), or of each of several classes, shape (n, classes).
+    weight
+        Not negative, shape (n,); None: each has weight 1.
+    """
+
+    features: Array
+    target: Flags
+    weight: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+    @property
+    def weights(self) -> Array:
+        """The weight of each vector, shape (n,)."""
+        return np.ones(len(self)) if self.weight is None else self.weight
+
+    @property
+    def classes(self) -> Integers | Flags:
+        """The class of each vector as a label, shape (n,)."""
+        return self.target if self.target.ndim == 1 else self.target.argmax(axis=1)
+
+    @property
+    def outputs(self) -> Integers:
+        """The output that is the largest for each vector's class; of two the first is the emergency's."""
+        return np.asarray(np.where(self.target, 0, 1) if self.target.ndim == 1 else self.classes)
+
+    def part(self, rows: Integers | Flags) -> Vectors:
+        """Return some of the vectors."""
+        return Vectors(self.features[rows], self.target[rows], self.weights[rows])
+
+    def of_features(self, chosen: Flags) -> Vectors:
+        """Return the vectors with some of the features."""
+        return replace(self, features=self.features[:, chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkOptions:
+    """How the weights of a network are found.
+
+    Attributes
+    ----------
+    weight_decay
+        Half of it times the sum of squared weights, biases excepted, is added to the mean cross-entropy.
+    max_iter
+        Maximum number of iterations; each uses all vectors.
+    patience
+        Early stopping: a network stops after this many iterations without a smaller validation loss, and its
+        best weights are restored; None disables early stopping.
+    beyond
+        Share of each feature's values that lie below 0, and above 1, while the network learns: a few wild
+        values would leave the others next to nothing of the interval. The network has the ``bounds``.
+    bounds
+        Minimum and maximum of each feature, shape (k,) each, which become 0 and 1; None takes those of the
+        vectors with nonzero weight.
+    n_jobs
+        Number of threads, as in joblib. The result does not depend on it.
+    """
+
+    weight_decay: float = 1e-4
+    max_iter: int = 200
+    patience: int | None = 50
+    beyond: float = 0.0
+    bounds: tuple[Array, Array] | None = None
+    n_jobs: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +100,11 @@ class Trained:
     Attributes
     ----------
     loss
-        Mean cross-entropy over the training samples.
+        Mean cross-entropy over the training vectors.
     iterations
         Iterations of L-BFGS.
     validation_loss, validation_accuracy
-        Loss and accuracy on the validation samples; NaN without validation samples.
+        Loss and accuracy on the vectors held out; NaN without any.
     """
 
     networks: tuple[TanhNetwork, ...]
@@ -42,61 +114,41 @@ class Trained:
     validation_accuracy: Array
 
 
-def class_of(target: Flags) -> Integers:
-    """Return the index of each sample's class, shape (n,); of two classes the emergency is the first."""
-    return np.asarray(np.where(target, 0, 1) if target.ndim == 1 else target.argmax(axis=1))
-
-
-def cross_entropies(network: TanhNetwork, samples: Samples) -> Array:
-    """Return the cross-entropy of each sample, shape (n,); one that lacks an input is a guess."""
-    classes, outputs = class_of(samples[1]), network.outputs(samples[0])
-    losses = -np.asarray(log_softmax(outputs, axis=1))[np.arange(len(classes)), classes]
+def cross_entropies(network: TanhNetwork, vectors: Vectors) -> Array:
+    """Return the cross-entropy of each vector, shape (n,); one that lacks an input is a guess."""
+    outputs = network.outputs(vectors.features)
+    losses = -np.asarray(log_softmax(outputs, axis=1))[np.arange(len(vectors)), vectors.outputs]
     return np.where(np.isnan(losses), np.log(outputs.shape[1]), losses)
 
 
+def accuracy(network: TanhNetwork, vectors: Vectors) -> float:
+    """Return the share of the vectors that the network classifies right; one that lacks an input is wrong."""
+    outputs = network.outputs(vectors.features)
+    right = (outputs.argmax(axis=1) == vectors.outputs) & np.isfinite(outputs).all(axis=1)
+    return float(right.mean())
+
+
 def train_networks(
-    hidden: Sequence[int],
-    seeds: Sequence[int],
-    samples: Samples,
-    subsets: Flags | None = None,
+    hidden: ArrayLike,
+    seeds: ArrayLike,
+    vectors: Vectors,
+    validation: Vectors | None = None,
     *,
-    weight: Array | None = None,
-    validation: Samples | None = None,
-    bounds: tuple[Array, Array] | None = None,
-    beyond: float = 0.0,
-    weight_decay: float = 1e-4,
-    max_iter: int = 200,
-    patience: int | None = 50,
-    n_jobs: int | None = None,
+    subsets: Flags | None = None,
+    options: NetworkOptions = NetworkOptions(),
 ) -> Trained:
-    """Train networks on the same samples, each from its own initial weights.
+    """Train networks on the same vectors, each from its own initial weights.
 
     Parameters
     ----------
     hidden, seeds
         Hidden neurons of each network, and seed of its initial weights, length B.
-    samples, validation
-        Features, shape (n, k), and whether each sample is an emergency, shape (n,), or of each of
-        several classes, shape (n, classes).
+    vectors, validation
+        Those trained on, and those held out.
     subsets
         Mask of each network's features, shape (B, k); the others have zero weights. None: all features.
-    weight
-        Weight of each sample, not negative, shape (n,).
-    bounds
-        Minimum and maximum of each feature, shape (k,) each, which become 0 and 1; None takes those of the
-        samples with nonzero weight.
-    beyond
-        Share of each feature's values that lie below 0, and above 1, while the networks learn: a few wild
-        values would leave the others next to nothing of the interval. The networks have the ``bounds``.
-    weight_decay
-        Half of it times the sum of squared weights, biases excepted, is added to the mean cross-entropy.
-    max_iter
-        Maximum number of iterations; each uses all samples.
-    patience
-        Early stopping: a network stops after this many iterations without a smaller validation
-        loss, and its best weights are restored; None disables early stopping.
-    n_jobs
-        Number of threads, as in joblib. The result does not depend on it.
+    options
+        How each is trained.
 
     Raises
     ------
@@ -107,16 +159,17 @@ def train_networks(
         import torch
     except ModuleNotFoundError as error:
         raise MissingExtraError("training", "train") from error
-    subsets = np.ones((len(hidden), samples[0].shape[1]), dtype=bool) if subsets is None else subsets
-    weight = np.ones(len(samples[0])) if weight is None else weight
-    used = weight > 0
-    features, classes, share = samples[0][used], class_of(samples[1])[used], weight[used] / weight.sum()
-    minimum, maximum = bounds or (features.min(axis=0), features.max(axis=0))
-    low, high = np.quantile(features, [beyond, 1.0 - beyond], axis=0) if beyond else (minimum, maximum)
-    outputs = 2 if samples[1].ndim == 1 else samples[1].shape[1]
+    sizes = np.asarray(hidden).tolist()
+    weight, used = vectors.weights, vectors.weights > 0
+    subsets = np.ones((len(sizes), vectors.features.shape[1]), dtype=bool) if subsets is None else subsets
+    features, classes, share = vectors.features[used], vectors.outputs[used], weight[used] / weight.sum()
+    minimum, maximum = options.bounds or (features.min(axis=0), features.max(axis=0))
+    ends = [options.beyond, 1.0 - options.beyond]
+    low, high = np.quantile(features, ends, axis=0) if options.beyond else (minimum, maximum)
+    outputs = 2 if vectors.target.ndim == 1 else vectors.target.shape[1]
 
     def train(neurons: int, seed: int, subset: Flags) -> tuple[TanhNetwork, float, int, float, float]:
-        model = _initial(int(subset.sum()), neurons, outputs, int(seed))
+        model = _initial(int(subset.sum()), neurons, outputs, seed)
 
         def network() -> TanhNetwork:
             first, b1, last, b2 = (part.detach().numpy() for part in model.parameters())
@@ -127,27 +180,28 @@ def train_networks(
 
         iterations, best, best_at, best_loss = 0, None, 0, np.inf
         data = unit_interval(features, low, high)[:, subset], classes, share
-        for iterations in _minimise(model, [*map(torch.from_numpy, data)], weight_decay, max_iter):
-            if validation is None or patience is None:
+        for iterations in _minimise(model, [*map(torch.from_numpy, data)], options):
+            if validation is None or options.patience is None:
                 continue
             found = network()
             held_out = cross_entropies(found, validation).mean()
             if held_out < best_loss:
                 best, best_at, best_loss = found, iterations, held_out
-            elif iterations - best_at >= patience:
+            elif iterations - best_at >= options.patience:
                 break
         best = best or network()
-        loss = float(cross_entropies(best, samples) @ weight / weight.sum())
+        loss = float(cross_entropies(best, vectors) @ weight / weight.sum())
         if validation is None:
             return best, loss, iterations, np.nan, np.nan
-        answers = best.outputs(validation[0])
-        right = (answers.argmax(axis=1) == class_of(validation[1])) & np.isfinite(answers).all(axis=1)
-        return best, loss, iterations, float(cross_entropies(best, validation).mean()), float(right.mean())
+        validation_loss = float(cross_entropies(best, validation).mean())
+        return best, loss, iterations, validation_loss, accuracy(best, validation)
 
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        done = Parallel(n_jobs=n_jobs, prefer="threads")(map(delayed(train), hidden, seeds, subsets))
+        done = Parallel(n_jobs=options.n_jobs, prefer="threads")(
+            map(delayed(train), sizes, np.asarray(seeds).tolist(), subsets)
+        )
     finally:
         torch.set_num_threads(threads)
     networks, *figures = zip(*done, strict=True)
@@ -173,7 +227,7 @@ _LOOK_EVERY = 10
 
 
 def _minimise(
-    model: torch.nn.Sequential, data: Sequence[torch.Tensor], weight_decay: float, max_iter: int
+    model: torch.nn.Sequential, data: Sequence[torch.Tensor], options: NetworkOptions
 ) -> Iterator[int]:
     """Train a network, and yield the number of iterations after every ten until it has converged.
 
@@ -183,8 +237,8 @@ def _minimise(
         The network, whose weights change.
     data
         Features, shape (n, k), classes and weights, shape (n,); the sum of the weights is 1.
-    weight_decay, max_iter
-        As for :func:`train_networks`.
+    options
+        Weight decay and maximum number of iterations.
     """
     import torch
 
@@ -202,13 +256,13 @@ def _minimise(
     def closure() -> torch.Tensor:
         optimiser.zero_grad()
         entropy = torch.nn.functional.cross_entropy(model(features), classes, reduction="none") @ share
-        loss: torch.Tensor = entropy + weight_decay / 2 * sum(part.square().sum() for part in weights)
+        loss: torch.Tensor = entropy + options.weight_decay / 2 * sum(part.square().sum() for part in weights)
         loss.backward()  # type: ignore[no-untyped-call]
         return loss.detach()
 
     iterations, before = 0, np.inf
-    while iterations < max_iter:
-        optimiser.param_groups[0]["max_iter"] = min(_LOOK_EVERY, max_iter - iterations)
+    while iterations < options.max_iter:
+        optimiser.param_groups[0]["max_iter"] = min(_LOOK_EVERY, options.max_iter - iterations)
         loss = float(optimiser.step(closure))  # type: ignore[no-untyped-call]
         if loss >= before:  # of the start of this step and of the one before: it has converged
             break

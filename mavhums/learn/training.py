@@ -5,24 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import JsonValue
 from sklearn.model_selection import GroupShuffleSplit
+from sklearn.utils import check_random_state
 
 from mavhums.core.about import __version__
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn.card import Card, Selection
-from mavhums.learn.chain import Scheme, reduce_vectors, select_columns, select_features
+from mavhums.learn.chain import Stages, TrainingOptions, run_stages
 from mavhums.learn.evaluation import hold_out, split_flights
 from mavhums.learn.inference import Network, TanhNetwork
-from mavhums.learn.networks import TanhNetworkEnsemble
-from mavhums.learn.ranking import ChiSquareRanking
-from mavhums.learn.trainer import train_networks
-from mavhums.learn.wrapper import TRAINING, Vectors
+from mavhums.learn.trainer import NetworkOptions, Trained, Vectors, accuracy, train_networks
+from mavhums.learn.wrapper import COMPARED
 
 _ITERATIONS = 300
 
@@ -36,14 +35,19 @@ class NetworkScore:
     validation_accuracy: float
 
 
+NetworkT = TypeVar("NetworkT", bound=TanhNetwork)
+
+
 @dataclass(frozen=True, eq=False)
-class TrainingResult:
+class TrainingResult(Generic[NetworkT]):
     """The chosen network and its candidates.
 
     Attributes
     ----------
     network
-        The candidate with the least loss on the samples held out.
+        The candidate with the least loss on the samples, or windows, held out.
+    inputs
+        Keys of its inputs.
     chosen
         The entry of the chosen network in ``candidates``.
     candidates
@@ -53,10 +57,11 @@ class TrainingResult:
     validation
         Unit of hold-out: ``"flights"`` or ``"blocks"`` of time.
     seed
-        The seed given to :func:`train_network`.
+        The seed that was given.
     """
 
-    network: Network
+    network: NetworkT
+    inputs: tuple[str, ...]
     chosen: NetworkScore
     candidates: tuple[NetworkScore, ...]
     selection: Selection
@@ -94,7 +99,7 @@ class TrainingResult:
         return Card(
             name=name,
             airframe=airframe,
-            features=self.network.keys,
+            features=self.inputs,
             tier=tier,
             conditions=chosen | dict(conditions),
             metrics={
@@ -113,13 +118,10 @@ def train_network(
     values: ArrayLike,
     emergency: ArrayLike,
     flights: ArrayLike,
+    options: TrainingOptions,
     *,
-    seed: int,
-    keys: Sequence[str] = KEYS,
-    scheme: Scheme | None = None,
     weights: ArrayLike | None = None,
-    tell: Callable[[str], None] | None = None,
-) -> TrainingResult:
+) -> TrainingResult[Network]:
     """Run the paper's scheme (its figure 1) on labelled samples, and choose a network without test data.
 
     The stages: chi-square, a filter by regression, thinning of similar vectors, the unit interval and
@@ -134,22 +136,16 @@ def train_network(
     ----------
     values
         V1…V12, shape (n, 12), the rows of each flight in time order; finite in the columns of
-        ``keys``.
+        ``options.keys``.
     emergency
         Whether each sample is of the emergency class, shape (n,).
     flights
         Number of the flight of each sample, shape (n,).
-    seed
-        Makes the result repeatable.
-    keys
-        The quantities to choose from, those that the telemetry tier provides.
-    scheme
-        Options of the stages; None means the paper's.
+    options
+        Seed, quantities to choose from, and scheme.
     weights
         Weight of each sample in training, positive, shape (n,); None gives equal weights.
         Selection and accuracies ignore them.
-    tell
-        Called with a line about each stage when it is done.
 
     Raises
     ------
@@ -163,65 +159,65 @@ def train_network(
     Examples
     --------
     >>> import numpy as np
+    >>> from mavhums.learn import Scheme
     >>> flights = np.repeat([0, 1], 300)
     >>> values = np.random.default_rng(0).normal(size=(600, 12)) + 4 * flights[:, np.newaxis]
-    >>> scheme = Scheme(networks=2, vectors=None)
-    >>> result = train_network(values, flights == 1, flights, seed=0, keys=("V5", "V9"), scheme=scheme)
+    >>> options = TrainingOptions(seed=0, keys=("V5", "V9"), scheme=Scheme(networks=2, vectors=None))
+    >>> result = train_network(values, flights == 1, flights, options)
     >>> result.network.keys, result.validation, result.validation_accuracy > 0.95
     (('V5', 'V9'), 'blocks', True)
     """
-    scheme = scheme or Scheme()
-    samples, labels, flight = _checked(values, emergency, flights, keys)
-    random = np.random.default_rng(seed)
+    samples, labels, flight = _checked(values, emergency, flights, options.keys)
+    scheme, random = options.scheme, np.random.default_rng(options.seed)
     weight = np.ones(len(samples)) if weights is None else np.asarray(weights, dtype=np.float64)
     if weight.shape != labels.shape or not (np.isfinite(weight).all() and (weight > 0).all()):
         raise ValueError("weights must be one positive number for each sample")
     held_out, validation = hold_out(labels, flight, random)
-    draw, say = int(random.integers(2**31 - 1)), tell or (lambda _: None)
-    selection = select_features(samples[~held_out], labels[~held_out], keys=keys, scheme=scheme)
-    everything = Vectors(samples[:, [column(key) for key in selection.selected]], labels, weight)
-    offered, checked = everything.part(np.flatnonzero(~held_out)), everything.part(np.flatnonzero(held_out))
-    vectors, chosen, selection = reduce_vectors(offered, checked, selection, scheme, seed=draw, tell=tell)
-    parts = [part.of_features(chosen) for part in (vectors, offered, checked)]
-    ensemble, candidates = _fit(parts, scheme, random)
-    best = candidates[ensemble.best_]
-    accuracies = [each.validation_accuracy for each in candidates]
-    say(
-        f"networks: {len(candidates)} of {min(scheme.hidden)} to {max(scheme.hidden)} tanh neurons; the best "
-        f"with {best.hidden}: {100 * best.validation_accuracy:.2f} % of the samples held out (median "
-        f"{100 * float(np.median(accuracies)):.2f} %, worst {100 * min(accuracies):.2f} %)"
+    draw = int(random.integers(2**31 - 1))
+    everything = Vectors(samples[:, [column(key) for key in options.keys]], labels, weight)
+    stages = run_stages(everything.part(~held_out), everything.part(held_out), replace(options, seed=draw))
+    sizes = np.resize(random.permutation(np.asarray(scheme.hidden)), scheme.networks)
+    seeds = check_random_state(int(random.integers(2**31 - 1))).randint(2**31 - 1, size=scheme.networks)
+    trained = train_networks(
+        sizes, seeds, stages.vectors, stages.checked, options=NetworkOptions(max_iter=_ITERATIONS)
+    )
+
+    def named(network: TanhNetwork) -> Network:
+        return Network(keys=stages.inputs, **network.tensors)
+
+    return replace(_chosen(trained, stages, options, "samples", named), validation=validation)
+
+
+def _chosen(
+    trained: Trained,
+    stages: Stages,
+    options: TrainingOptions,
+    what: str,
+    named: Callable[[TanhNetwork], NetworkT],
+) -> TrainingResult[NetworkT]:
+    """Choose the network of the least loss held out, and report its accuracy."""
+    # Of the thinned vectors, those at the border of the classes are many more than of those offered.
+    candidates = tuple(
+        NetworkScore(len(network.b1), accuracy(network, stages.offered), held_out)
+        for network, held_out in zip(trained.networks, trained.validation_accuracy.tolist(), strict=True)
+    )
+    place = int(trained.validation_loss.argmin())
+    best, hidden = candidates[place], [each.hidden for each in candidates]
+    right = 100 * trained.validation_accuracy
+    options.tell(
+        f"networks: {len(candidates)} of {min(hidden)} to {max(hidden)} tanh neurons; the best with "
+        f"{best.hidden}: {right[place]:.2f} % of the {what} held out (median {np.median(right):.2f} %, "
+        f"worst {right.min():.2f} %)"
     )
     return TrainingResult(
-        network=Network(keys=selection.chosen(chosen), **ensemble.networks_[ensemble.best_].tensors),
+        network=named(trained.networks[place]),
+        inputs=stages.inputs,
         chosen=best,
-        candidates=tuple(candidates),
-        selection=selection,
-        validation=validation,
-        seed=seed,
+        candidates=candidates,
+        selection=stages.selection,
+        validation="flights",
+        seed=options.seed,
     )
-
-
-def _fit(
-    parts: Sequence[Vectors], scheme: Scheme, random: np.random.Generator
-) -> tuple[TanhNetworkEnsemble, list[NetworkScore]]:
-    """Train the networks on vectors that represent the offered ones; those checked stop each early."""
-    vectors, offered, checked = parts
-    ensemble = TanhNetworkEnsemble(
-        scheme.networks,
-        random.permutation(np.asarray(scheme.hidden)).tolist(),
-        random_state=int(random.integers(2**31 - 1)),
-        max_iter=_ITERATIONS,
-    ).fit(
-        vectors.features,
-        vectors.target,
-        vectors.weight,
-        validation=(checked.features, checked.target),
-    )
-    # Of the vectors, those at the border of the classes are many more than of the samples.
-    trained = ensemble.member_scores(offered.features, offered.target)
-    sizes = [len(network.b1) for network in ensemble.networks_]
-    scores = zip(sizes, trained.tolist(), ensemble.validation_accuracies_.tolist(), strict=True)
-    return ensemble, [NetworkScore(*each) for each in scores]
 
 
 def _checked(
@@ -272,32 +268,15 @@ class LabelledWindows:
     def __len__(self) -> int:
         return len(self.features)
 
-    def part(self, rows: Integers | Flags) -> LabelledWindows:
-        """Return some of the windows."""
-        return LabelledWindows(self.features[rows], self.classes[rows], self.flights[rows])
-
-
-@dataclass(frozen=True, eq=False)
-class WindowResult:
-    """The chosen network, its inputs, what the stages kept, and each candidate's neurons and accuracy."""
-
-    network: TanhNetwork
-    inputs: tuple[str, ...]
-    selection: Selection
-    candidates: tuple[tuple[int, float], ...]
-
 
 def train_windows(
     windows: LabelledWindows,
-    *,
     classes: int,
-    keys: Sequence[str],
-    seed: int,
+    options: TrainingOptions,
+    *,
     columns: Sequence[str] = WINDOW_KEYS,
-    scheme: Scheme | None = None,
     weights: ArrayLike | None = None,
-    tell: Callable[[str], None] | None = None,
-) -> WindowResult:
+) -> TrainingResult[TanhNetwork]:
     """Run the paper's stages on the statistics of windows, and choose a network without test data.
 
     Chi-square ranks the statistics (in bins of equal counts, for their tails are long), Algorithm 1 excludes
@@ -308,65 +287,45 @@ def train_windows(
     Parameters
     ----------
     windows
-        Labelled windows. Those that lack a statistic of ``keys`` train nothing; held out, they are guesses.
+        Labelled windows. Those that lack a statistic of ``options.keys`` train nothing; held out, they are
+        guesses.
     classes
         Number of conditions.
-    keys
-        The statistics to choose from, those that the telemetry tier provides.
+    options
+        Seed, statistics to choose from, and scheme; a fifth of its networks is trained.
     columns
         Names of all statistics of ``windows``, in order.
-    seed, scheme, weights, tell
-        As for :func:`mavhums.learn.train_network`; a fifth of ``scheme.networks`` is trained.
+    weights
+        As for :func:`mavhums.learn.train_network`.
 
     Raises
     ------
     MissingExtraError
         If torch, or pygad for the genetic search, is not installed.
     """
-    scheme = scheme or Scheme()
-    values = windows.features[:, [columns.index(key) for key in keys]]
+    values = windows.features[:, [columns.index(key) for key in options.keys]]
     finite = np.asarray(np.isfinite(values).all(axis=1))
-    weight = np.ones(len(values)) if weights is None else np.asarray(weights, dtype=np.float64)
-    examples = LabelledWindows(values, windows.classes, windows.flights)
-    split = GroupShuffleSplit(1, test_size=_HELD_OUT, random_state=seed)
-    halves = next(split.split(examples.features, groups=examples.flights))
-    known = np.unique(examples.classes[finite])
-    if any(len(np.unique(examples.classes[half[finite[half]]])) < len(known) for half in halves):
+    split = GroupShuffleSplit(1, test_size=_HELD_OUT, random_state=options.seed)
+    halves = next(split.split(values, groups=windows.flights))
+    known = np.unique(windows.classes[finite])
+    if any(len(np.unique(windows.classes[half[finite[half]]])) < len(known) for half in halves):
         # Of few flights a draw easily leaves a class out of a part.
-        halves = split_flights(examples.classes, examples.flights, seed=seed) or halves
+        halves = split_flights(windows.classes, windows.flights, seed=options.seed) or halves
+    weight = None if weights is None else np.asarray(weights, dtype=np.float64)
+    everything = Vectors(values, np.eye(classes, dtype=bool)[windows.classes], weight)
     # The windows held out that lack a statistic show what it costs to need it.
-    halves = halves[0][finite[halves[0]]], halves[1]
-    offered, checked = map(examples.part, halves)
-    ranking = ChiSquareRanking(strategy="quantile")
-    selection = select_columns(offered.features, offered.classes, keys, replace(scheme, order=1), ranking)
-    kept = [list(keys).index(key) for key in selection.selected]
-    target, of_all = np.eye(classes, dtype=bool), offered.features[:, kept]
-    vectors, held_out = (
-        Vectors(part.features[:, kept], target[part.classes], weight[rows])
-        for part, rows in zip((offered, checked), halves, strict=True)
-    )
-    vectors, chosen, selection = reduce_vectors(
-        vectors, held_out, selection, scheme, seed=seed, eliminates=True, tell=tell
-    )
-    sizes = np.resize(_WINDOW_HIDDEN, max(1, scheme.networks // _SHARE)).tolist()
-    inputs = selection.chosen(chosen)
-    trained = train_networks(
-        sizes,
-        [seed + k for k in range(len(sizes))],
-        vectors.of_features(chosen).samples,
-        weight=vectors.weight,
-        validation=held_out.of_features(chosen).samples,
-        # Of all examples: those that thinning keeps span less than what the network may be asked.
-        bounds=(of_all[:, chosen].min(axis=0), of_all[:, chosen].max(axis=0)),
+    offered, checked = everything.part(halves[0][finite[halves[0]]]), everything.part(halves[1])
+    scheme = replace(options.scheme, order=1, bins="quantile", eliminates=True)
+    stages = run_stages(offered, checked, replace(options, scheme=scheme))
+    sizes = np.resize(_WINDOW_HIDDEN, max(1, scheme.networks // _SHARE))
+    seen = stages.offered.features
+    network_options = replace(
+        COMPARED,
+        # Of all vectors: those that thinning keeps span less than what the network may be asked.
+        bounds=(seen.min(axis=0), seen.max(axis=0)),
         max_iter=_WINDOW_ITERATIONS,
-        **TRAINING,
     )
-    accuracies = trained.validation_accuracy
-    if tell:
-        tell(
-            f"networks of windows: {len(sizes)} of {min(_WINDOW_HIDDEN)} to {max(_WINDOW_HIDDEN)} tanh "
-            f"neurons; {100 * accuracies.max():.2f} % of the windows held out "
-            f"(worst {100 * accuracies.min():.2f} %)"
-        )
-    best = trained.networks[int(np.argmin(trained.validation_loss))]
-    return WindowResult(best, inputs, selection, tuple(zip(sizes, accuracies.tolist(), strict=True)))
+    trained = train_networks(
+        sizes, options.seed + np.arange(len(sizes)), stages.vectors, stages.checked, options=network_options
+    )
+    return _chosen(trained, stages, options, "windows", lambda network: network)

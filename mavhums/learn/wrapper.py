@@ -8,18 +8,18 @@ the draw of those vectors.
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.core.arrays import Array, Flags
 from mavhums.core.errors import MissingExtraError
 from mavhums.learn.card import Search, Wrapped
 from mavhums.learn.inference import TanhNetwork
-from mavhums.learn.trainer import Samples, cross_entropies, train_networks
+from mavhums.learn.trainer import NetworkOptions, Vectors, cross_entropies, train_networks
 
 Objective = Callable[[Flags], Array]
 """Function of non-empty subsets, shape (s, k), that returns their scores, shape (s,)."""
@@ -153,46 +153,40 @@ def _global_state() -> Iterator[None]:
         random.setstate(python_state)
 
 
+_QUICK = NetworkOptions(max_iter=60)
+
+
 def network_objective(
-    samples: Samples,
-    validation: Samples,
+    vectors: Vectors,
+    validation: Vectors,
     *,
     hidden: int = 8,
-    max_iter: int = 60,
     random_state: int = 0,
-    **options: Any,
+    options: NetworkOptions = _QUICK,
 ) -> Objective:
     """Return the objective: the validation accuracy of a network trained on the subset alone.
 
     Parameters
     ----------
-    samples, validation
-        Features, shape (n, k), and whether each sample is an emergency, shape (n,).
-    hidden, max_iter
-        Neurons and L-BFGS iterations of each network; the validation samples do not stop it.
+    vectors, validation
+        Those trained on, and those held out.
+    hidden
+        Neurons of each network.
     random_state
         Seed of the initial weights. All subsets share it, so they differ only in their features.
     options
-        Others of :func:`mavhums.learn.trainer.train_networks`.
+        How each network is trained; the validation vectors do not stop it, whatever ``patience``.
 
     Raises
     ------
     MissingExtraError
         If torch is not installed.
     """
+    to_the_end = replace(options, patience=None)
 
     def accuracies(subsets: Flags) -> Array:
-        count = len(subsets)
-        trained = train_networks(
-            [hidden] * count,
-            [random_state] * count,
-            samples,
-            subsets,
-            validation=validation,
-            max_iter=max_iter,
-            patience=None,
-            **options,
-        )
+        sizes, seeds = ([each] * len(subsets) for each in (hidden, random_state))
+        trained = train_networks(sizes, seeds, vectors, validation, subsets=subsets, options=to_the_end)
         return trained.validation_accuracy
 
     return accuracies
@@ -207,40 +201,12 @@ _SHORTLIST = 16
 _MANY = 10
 """Quantities beyond which their subsets are searched genetically, not all."""
 
-TRAINING: Mapping[str, Any] = {"weight_decay": 2e-4, "patience": 100, "beyond": 0.005}
+COMPARED = NetworkOptions(weight_decay=2e-4, patience=100, beyond=0.005)
 """Of networks that are compared, and of those of windows. With less decay networks of the same data differ by
 a tenth of their loss, and statistics by less."""
 
 _SEEDS, _COMPARED_HIDDEN, _COMPARED_ITERATIONS = 3, 16, 300
 """Networks of each subset that is compared: one that started badly says nothing about its inputs."""
-
-
-@dataclass(frozen=True, eq=False)
-class Vectors:
-    """Feature vectors, shape (n, k), and the class and weight of each.
-
-    ``target`` says whether each is an emergency, shape (n,), or of each class, shape (n, classes).
-    """
-
-    features: Array
-    target: Flags
-    weight: Array
-
-    def __len__(self) -> int:
-        return len(self.features)
-
-    @property
-    def samples(self) -> tuple[Array, Flags]:
-        """Features and classes, as the trainer takes them."""
-        return self.features, self.target
-
-    def part(self, rows: Integers) -> Vectors:
-        """Return some of the vectors."""
-        return Vectors(self.features[rows], self.target[rows], self.weight[rows])
-
-    def of_features(self, chosen: Flags) -> Vectors:
-        """Return the vectors with some of the features."""
-        return replace(self, features=self.features[:, chosen])
 
 
 def search_subsets(
@@ -263,7 +229,7 @@ def search_subsets(
     Returns
     -------
     Flags, Wrapped, NDArray
-        Mask of the chosen features, shape (k,); what the card tells; how much the loss on the validation
+        Mask of the chosen features, shape (k,); what the card records; how much the loss on the validation
         vectors rises when each chosen feature is shuffled among them.
 
     Raises
@@ -276,12 +242,7 @@ def search_subsets(
     genetic = select == "genetic" or (select != "exhaustive" and features > _MANY)
     few = [part.part(draw.permutation(len(part))[:_SAMPLES]) for part in (vectors, validation)]
     quick = network_objective(
-        few[0].samples,
-        few[1].samples,
-        weight=few[0].weight,
-        hidden=_HIDDEN,
-        max_iter=_ITERATIONS,
-        random_state=seed,
+        *few, hidden=_HIDDEN, random_state=seed, options=NetworkOptions(max_iter=_ITERATIONS)
     )
     search = (
         genetic_search(quick, features, random_state=seed) if genetic else exhaustive_search(quick, features)
@@ -299,8 +260,8 @@ def _rises(network: TanhNetwork, validation: Vectors, random: np.random.Generato
     for k in range(len(rises)):
         shuffled = validation.features.copy()
         shuffled[:, k] = random.permutation(shuffled[:, k])
-        rises[k] = cross_entropies(network, (shuffled, validation.target)).mean()
-    rises -= cross_entropies(network, validation.samples).mean()
+        rises[k] = cross_entropies(network, replace(validation, features=shuffled)).mean()
+    rises -= cross_entropies(network, validation).mean()
     return rises
 
 
@@ -321,15 +282,13 @@ def _trained(
     own, held_out = vectors.of_features(subset), validation.of_features(subset)
     trained = train_networks(
         [_COMPARED_HIDDEN] * _SEEDS,
-        [seed + k for k in range(_SEEDS)],
-        own.samples,
-        validation=held_out.samples,
-        weight=own.weight,
-        max_iter=_COMPARED_ITERATIONS,
-        **TRAINING,
+        seed + np.arange(_SEEDS),
+        own,
+        held_out,
+        options=replace(COMPARED, max_iter=_COMPARED_ITERATIONS),
     )
     place = int(trained.validation_loss.argmin())
-    losses = cross_entropies(trained.networks[place], held_out.samples)
+    losses = cross_entropies(trained.networks[place], held_out)
     rises = np.full(len(subset), np.inf)
     rises[subset] = _rises(trained.networks[place], held_out, draw)
     error, accuracy = losses.std() / np.sqrt(len(losses)), float(trained.validation_accuracy[place])

@@ -1,4 +1,4 @@
-"""Simulated flights and precedents for training; windows for calibration and measurement.
+"""Simulated flights for training, calibration and measurement; windows of flights.
 
 The fleet consists of individual two-mass actuators; each telemetry tier reports them with the
 noise and quantisation of its messages.
@@ -6,221 +6,29 @@ noise and quantisation of its messages.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from datetime import datetime
-from pathlib import Path
-from typing import Final, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from mavhums.actuator.align import Aligned
 from mavhums.actuator.derive import Deriver
-from mavhums.actuator.mapping import MAGNITUDES, Samples
-from mavhums.actuator.profile import Actuator, Airframe, Limits
-from mavhums.app.analysis import analyse
-from mavhums.app.settings import Options
-from mavhums.app.sinks import Events
+from mavhums.actuator.mapping import MAGNITUDES
+from mavhums.actuator.profile import Actuator, Limits
 from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
-from mavhums.engine.events import Event
 from mavhums.health.actuator.votes import Classifier, VoteOutcome, count_votes, network_inputs, outcome
 from mavhums.health.estimation.motion import motion
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.learn.evaluation import split_flights
-from mavhums.learn.precedents import LABELS, Label, Origin, Precedent, PrecedentBase, Provenance
+from mavhums.learn import Scheme, TrainingOptions
+from mavhums.paper.flown import TRAINS, FlownActuator, FlownFlights
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters
 from mavhums_sim.flight import ActuatorRecord, Flight, fly
-
-_SIMULATED = "4D415648554D5353"
-"""Beginning of the unique id of every board that ``mavhums-sim`` flies: MAVHUMSS in ASCII."""
-
-TRAINS, CALIBRATES, MEASURES = range(3)
-PURPOSE = ("train", "calibrate", "measure")
-"""What a flight is for."""
-
-_PARTS = 3
-"""Flights that a label needs at least, for one of each part."""
-
-TAUGHT: Final[tuple[Label, ...]] = ("normal", "friction_emergency")
-"""The conditions that a network of samples tells apart."""
-
-
-def add_log(
-    base: PrecedentBase,
-    log: str | os.PathLike[str],
-    labels: Mapping[str, Label],
-    *,
-    airframe: Airframe | None = None,
-    origin: Origin | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> list[Precedent]:
-    """Add the labelled actuators of a log to the base.
-
-    Parameters
-    ----------
-    base
-        The precedent base.
-    log
-        A log.
-    labels
-        The true condition of each actuator, known for example from an inspection, never from this program's
-        verdict; that of "" is for all others. Only normal can be the condition of all.
-    airframe
-        Airframe profile; None uses the one that the log names.
-    origin
-        Whether the log was flown or simulated; None for what its board says: simulated if it is of
-        the simulator that comes with mavhums, else flown.
-    progress
-        Called with the number of bytes read.
-
-    Raises
-    ------
-    MavhumsError
-        If the log cannot be read, names no airframe, or has no data of the actuators.
-    """
-    if labels.get("", "normal") != "normal":
-        problem = f"{log}: {labels['']} of every actuator at once is unlikely"
-        raise MavhumsError(problem, "name them with --actuator, or in the column actuator of the table")
-    found: dict[tuple[int, str], list[Samples]] = {}
-
-    def collect(events: Sequence[Event]) -> None:
-        for event in events:
-            if isinstance(event, Samples):
-                found.setdefault((event.vehicle, event.actuator), []).append(event)
-
-    assessment = analyse(log, Options(airframe=airframe), sinks=[Events(collect)], progress=progress)
-    carried = sorted({actuator for _, actuator in found})
-    absent = sorted(labels.keys() - {"", *carried})
-    if not carried or absent:
-        wanted = absent[0] if absent else "any actuator"
-        remedy = (
-            f"it carries: {', '.join(carried)}" if carried else "list its contents with `mavhums inspect`"
-        )
-        raise MavhumsError(f"{log}: does not carry {wanted} of a known airframe", remedy)
-    start_utc = assessment.log.start_utc
-    start_us = round(datetime.fromisoformat(start_utc).timestamp() * 1e6) if start_utc else 0
-    tiers = {(verdict.vehicle, verdict.actuator): verdict.tier for verdict in assessment.verdicts}
-    boards = {flight.vehicle: flight.board or "" for flight in assessment.log.flight}
-    added = []
-    for (vehicle, actuator), blocks in found.items():
-        label = labels.get(actuator, labels.get(""))
-        if label is None:
-            continue
-        provenance = Provenance(
-            log=Path(log).name,
-            sha256=assessment.log.sha256 or "",
-            vehicle=vehicle,
-            actuator=actuator,
-            airframe=assessment.airframe or "",
-            tier=str(tiers.get((vehicle, actuator))),
-            label=label,
-            origin=origin or ("simulated" if boards.get(vehicle, "").startswith(_SIMULATED) else "flown"),
-        )
-        time_s = np.concatenate([block.time_s for block in blocks])
-        values, measured = (
-            np.concatenate([getattr(block, name) for block in blocks]) for name in ("values", "measured")
-        )
-        time_us = start_us + np.rint(time_s * 1e6).astype(np.int64)
-        added.append(base.add(provenance, time_us, values, measured))
-    return added
-
-
-class FlownActuator(NamedTuple):
-    """A labelled actuator of a log: V1…V12 (n, 12) at ``time_s`` (n,), and which of them are measured."""
-
-    actuator: Actuator
-    flight: int
-    label: Label
-    time_s: Array
-    values: Array
-    measured: Flags
-
-
-class FlownFlights:
-    """The precedents of an airframe, divided by whole flights; their samples are read when asked for.
-
-    A quarter of the flights calibrates the networks and a quarter of the others measures them, if each part
-    then has every label. Flights of a label that fewer than three flights have train in any case.
-
-    Parameters
-    ----------
-    base
-        The precedent base; flown and simulated precedents are treated alike.
-    airframe
-        The profile whose precedents are taken.
-    seed
-        Of the division.
-
-    Attributes
-    ----------
-    labels
-        The labels that the flights have, in the order of :data:`mavhums.learn.precedents.LABELS`.
-    logs
-        Hashes of the logs; all actuators of one log are one flight.
-    held_out
-        The labels of the flights that calibrate and measure; empty if none are held out.
-
-    Raises
-    ------
-    MavhumsError
-        If the base has no precedent of the airframe.
-    """
-
-    def __init__(self, base: PrecedentBase, airframe: Airframe, *, seed: int) -> None:
-        self._base = base
-        self._parts = {actuator.name: actuator for actuator in airframe.actuators}
-        self._known = [
-            precedent
-            for precedent in base
-            if precedent.provenance.airframe == airframe.name and precedent.provenance.actuator in self._parts
-        ]
-        if not self._known:
-            raise MavhumsError(
-                f"{base.folder}: no precedent of the airframe {airframe.name}",
-                f"add one with `mavhums precedents add LOG --airframe {airframe.name}`",
-            )
-        said = [precedent.provenance for precedent in self._known]
-        self.logs, flight = np.unique([each.sha256 for each in said], return_inverse=True)
-        label = np.array([LABELS.index(each.label) for each in said])
-        self.labels = tuple(LABELS[k] for k in np.unique(label))
-        self._flight, self._label = flight, label
-        self._part = np.full(len(said), TRAINS)
-        own = {k: np.unique(flight[label == k]) for k in np.unique(label).tolist()}
-        rare = [flights for flights in own.values() if len(flights) < _PARTS]
-        rows = np.flatnonzero(~np.isin(flight, np.concatenate([[-1], *rare])))
-        for part in (MEASURES, CALIBRATES):
-            divided = split_flights(label[rows], flight[rows], seed=seed) if len(rows) else None
-            if divided is None:
-                self._part[:] = TRAINS
-                break
-            self._part[rows[divided[1]]] = part
-            rows = rows[divided[0]]
-        self.held_out = tuple(LABELS[k] for k in np.unique(label[self._part == MEASURES]))
-
-    def counts(self) -> str:
-        """Return how many flights each label has, and what they are for."""
-        each = (f"{self.flights_of(label)} {label}" for label in self.labels)
-        parts = (f"{len(np.unique(self._flight[self._part == k]))} {what}" for k, what in enumerate(PURPOSE))
-        return f"{len(self.logs)} logs ({', '.join(each)}): {', '.join(parts)}"
-
-    def flights_of(self, label: Label) -> int:
-        """Return how many flights have a label."""
-        return len(np.unique(self._flight[self._label == LABELS.index(label)]))
-
-    def read(self, part: int, labels: Sequence[str] = LABELS) -> Iterator[FlownActuator]:
-        """Read the actuators of a part that have one of some labels."""
-        for precedent, flight, own in zip(self._known, self._flight.tolist(), self._part, strict=True):
-            said = precedent.provenance
-            if own == part and said.label in labels:
-                history = self._base.read(precedent)
-                yield FlownActuator(self._parts[said.actuator], flight, said.label, *history)
-
+from mavhums_sim.manoeuvres import CYCLOGRAMS
 
 _HEALTHY_PER_LIMIT = 0.225 / 0.375
 _EMERGENCY_PER_LIMIT = 1.025 / 0.875
@@ -306,24 +114,73 @@ RATES_HZ = (100.0, 50.0, 25.0, 10.0)
 """Of the logs that calibrate and measure, in turn."""
 
 
-def fly_fleet(
-    actuator: Actuator,
-    telemetry: Telemetry,
-    frictions_nm: Array,
-    *,
-    seed: int,
-    cyclograms: Sequence[str],
-    rates_hz: Sequence[float] = (100.0,),
-    conditions: tuple[Condition, ...] = (),
-) -> Iterator[ActuatorFlight]:
-    """Simulate flights, and yield each actuator as the telemetry reports it.
+@dataclass(frozen=True)
+class ModelOptions:
+    """What a model is trained for, and on how much.
 
-    Parameters
+    Attributes
     ----------
-    actuator
-        The actuator's type.
-    frictions_nm
-        Coulomb friction of the four actuators of each flight, shape (flights, 4).
+    tier
+        The model's telemetry: a name in :data:`TELEMETRY`.
+    flights
+        Number of simulated flights of each class, of four actuators each; 0 for precedents alone.
+    seed, scheme
+        Seed of all draws, and options of the stages.
+    flown_weight
+        Weight of a precedent's sample or window relative to a simulated one.
+    """
+
+    tier: str = "instrumented"
+    flights: int = 24
+    seed: int = 1
+    scheme: Scheme = field(default_factory=Scheme)
+    flown_weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Training:
+    """What both networks of a model have in common.
+
+    Attributes
+    ----------
+    actuator, options, flown
+        The actuator's type, the options, and the precedents, if there are any.
+    tell, tick
+        Called with a line about each step, and with nothing after each simulated flight.
+    """
+
+    actuator: Actuator
+    options: ModelOptions
+    flown: FlownFlights | None
+    tell: Callable[[str], None]
+    tick: Callable[[], None]
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """The telemetry that the model is for."""
+        return TELEMETRY[self.options.tier]
+
+    def stages(self, keys: tuple[str, ...]) -> TrainingOptions:
+        """Return how the stages run on the quantities, or statistics, on offer."""
+        return TrainingOptions(self.options.seed, keys, self.options.scheme, self.tell)
+
+    def sources(self, part: int, *, held_out: bool) -> tuple[bool, FlownFlights | None]:
+        """Return whether flights of a part are simulated, and the precedents that are in it.
+
+        Both train; those ``held_out`` calibrate and measure in place of simulated flights.
+        """
+        simulated = self.options.flights > 0 and (part == TRAINS or not held_out)
+        return simulated, self.flown if part == TRAINS or held_out else None
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Flights of simulated actuators of one type, and how their telemetry reports them.
+
+    Attributes
+    ----------
+    actuator, telemetry
+        The actuator's type, and what reports it.
     seed
         Seed of the first flight and of its individuals; later flights use the next seeds.
     cyclograms, rates_hz
@@ -331,21 +188,41 @@ def fly_fleet(
     conditions
         Additional faults of every actuator.
     """
-    parameters = parameters_of(actuator).two_masses()
+
+    actuator: Actuator
+    telemetry: Telemetry
+    seed: int
+    cyclograms: Sequence[str] = tuple(CYCLOGRAMS)
+    rates_hz: Sequence[float] = (100.0,)
+    conditions: tuple[Condition, ...] = ()
+
+
+def fly_fleet(fleet: Fleet, frictions_nm: Array) -> Iterator[ActuatorFlight]:
+    """Simulate flights, and yield each actuator as the telemetry reports it.
+
+    Parameters
+    ----------
+    fleet
+        What is flown.
+    frictions_nm
+        Coulomb friction of the four actuators of each flight, shape (flights, 4).
+    """
+    parameters = parameters_of(fleet.actuator).two_masses()
     for number, row in enumerate(frictions_nm):
-        cyclogram = cyclograms[number % len(cyclograms)]
+        rounds, place = divmod(number, len(fleet.cyclograms))
         flight = Flight(
-            seed=seed + number,
+            seed=fleet.seed + number,
             friction_nm={name: (float(f), float(f)) for name, f in zip(SURFACES, row, strict=True)},
-            rate_hz=rates_hz[number // len(cyclograms) % len(rates_hz)],
+            rate_hz=fleet.rates_hz[rounds % len(fleet.rates_hz)],
             parameters=parameters,
-            cyclogram=cyclogram,
-            conditions=dict.fromkeys(SURFACES, conditions),
-            individuals=seed + number,
+            cyclogram=fleet.cyclograms[place],
+            conditions=dict.fromkeys(SURFACES, fleet.conditions),
+            individuals=fleet.seed + number,
         )
         records = fly(flight).actuators.values()
         for k, (record, friction) in enumerate(zip(records, row, strict=True)):
-            values, measured, _ = reported(actuator, telemetry, record, signed=k % 2 == 0)
+            values, measured, _ = reported(fleet.actuator, fleet.telemetry, record, signed=k % 2 == 0)
+            cyclogram = fleet.cyclograms[place]
             yield ActuatorFlight(number, cyclogram, float(friction), record.time_s, values, measured)
 
 

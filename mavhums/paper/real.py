@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Final, Literal, get_args
@@ -41,7 +41,7 @@ from mavhums.health.estimation.equations import STROKE_EQUATIONS
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.strokes import StrokeSums
 from mavhums.health.self_baseline.comparison import compare
-from mavhums.learn import LabelledWindows, Scheme, WindowResult, train_windows
+from mavhums.learn import LabelledWindows, Scheme, TanhNetwork, TrainingOptions, TrainingResult, train_windows
 from mavhums.paper.report import render
 from mavhums.paper.study import Folder, Progress
 from mavhums.results.verdict import OwnRecord
@@ -346,18 +346,10 @@ def _answers(
             # Whole runs are held out for the stages' own choices, too, but where the split mixes them.
             groups = np.arange(len(table)) if split == MIXED else table["place"].to_numpy()
             part = LabelledWindows(features[train], classes[train], groups[train])
-            tell: Callable[[str], None] | None = None
+            options = TrainingOptions(seed, FEATURES, Scheme(networks=size.networks, vectors=None))
             if split == LOADS and constants == "run" and not lines:
-                tell = lines.append
-            network = train_windows(
-                part,
-                classes=len(names),
-                keys=FEATURES,
-                columns=FEATURES,
-                seed=seed,
-                scheme=Scheme(networks=size.networks, vectors=None),
-                tell=tell,
-            )
+                options = replace(options, tell=lines.append)
+            network = train_windows(part, len(names), options, columns=FEATURES)
             trees = ExtraTreesClassifier(size.trees, random_state=seed).fit(part.features, part.classes)
             rows = np.flatnonzero(test)
             for method, told in (
@@ -370,7 +362,7 @@ def _answers(
     return found, tuple(lines)
 
 
-def _classes_of(network: WindowResult, features: Array) -> Integers:
+def _classes_of(network: TrainingResult[TanhNetwork], features: Array) -> Integers:
     columns = [FEATURES.index(name) for name in network.inputs]
     told: Integers = network.network.outputs(features[:, columns]).argmax(axis=1)
     return told

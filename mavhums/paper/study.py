@@ -16,7 +16,14 @@ from matplotlib.figure import Figure
 from mavhums.core.errors import MavhumsError
 from mavhums.core.output import written_whole
 from mavhums.core.quantities import KEYS, QUANTITIES
-from mavhums.learn import CommandLeak, CommandLeakWarning, Scheme, check_command, train_network
+from mavhums.learn import (
+    CommandLeak,
+    CommandLeakWarning,
+    Scheme,
+    TrainingOptions,
+    check_command,
+    train_network,
+)
 from mavhums.paper.cyclograms import (
     CONDITIONS,
     CYCLOGRAMS,
@@ -142,8 +149,8 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
 def _figure_1(cyclogram: str, effort: Effort, *, seed: int) -> FigureOne:
     values, classes, numbers = samples(fly_condition(cyclogram, TRAINING_NM), effort.every)
     stages: list[str] = []
-    scheme = Scheme(networks=effort.networks)
-    result = train_network(values, classes, numbers, seed=seed, scheme=scheme, tell=stages.append)
+    options = TrainingOptions(seed, scheme=Scheme(networks=effort.networks), tell=stages.append)
+    result = train_network(values, classes, numbers, options)
     tested, truth, _ = samples(fly_condition(cyclogram, TEST_NM))
     right = (result.network.p_emergency(tested) > 0.5) == truth
     return FigureOne(tuple(stages), result.network.keys, 100 * float(right.mean()))

@@ -15,9 +15,11 @@ from mavhums.core.quantities import KEYS, column
 from mavhums.learn import (
     ChiSquareRanking,
     CommandLeak,
+    NetworkOptions,
     Scheme,
     Selection,
     SubsetSearch,
+    Vectors,
     exhaustive_search,
     genetic_search,
     network_objective,
@@ -84,7 +86,7 @@ _SETTINGS += [Scheme(select="pairwise", r2=r2) for r2 in (0.9, 0.99, 0.999)]
 def algorithm_1(flights: list[CyclogramSamples], scheme: Scheme | None = None) -> Selection:
     """Run a filter of features on the flights' samples, by default Algorithm 1 as ``mavhums train``."""
     values, classes, _ = samples(flights)
-    return select_features(values, classes, scheme=scheme)
+    return select_features(values, classes, scheme=scheme or Scheme())
 
 
 def group_table() -> pd.DataFrame:
@@ -145,18 +147,19 @@ def subset_table(
     count, iterations = effort.subset_samples, effort.subset_iterations
     held_out, _ = hold_out(classes, numbers, random)
     parts = [
-        (values[rows], classes[rows])
+        Vectors(values[rows], classes[rows])
         for rows in (
             random.permutation(np.flatnonzero(~held_out))[:count],
             random.permutation(np.flatnonzero(held_out))[: 2 * count],
         )
     ]
 
-    def objective(validation: tuple[Array, Flags]) -> Objective:
-        return network_objective(parts[0], validation, max_iter=iterations, n_jobs=2, random_state=seed)
+    def objective(validation: Vectors) -> Objective:
+        options = NetworkOptions(max_iter=iterations, n_jobs=2)
+        return network_objective(parts[0], validation, random_state=seed, options=options)
 
     search = exhaustive_search(objective(parts[1]), len(KEYS))
-    on_test = objective(samples(test, every=60_000 // (2 * count))[:2])
+    on_test = objective(Vectors(*samples(test, every=60_000 // (2 * count))[:2]))
     order = np.argsort(-search.scores, kind="stable")[:15]
     table = pd.DataFrame(
         {
@@ -177,14 +180,13 @@ def subsets_of_four(weight_decay: float, effort: Effort, *, seed: int) -> dict[t
     training, test = (fly_condition(TAKEOFF, several) for several in (TRAINING_NM, TEST_NM))
     columns = [column(key) for key in SELECTED]
     parts = [
-        (values[:, columns], classes)
+        Vectors(values[:, columns], classes)
         for values, classes, _ in (samples(training, 4 * effort.every), samples(test, 10))
     ]
     subsets = np.array(list(product((False, True), repeat=len(SELECTED))))[1:]
+    options = NetworkOptions(weight_decay, effort.iterations, n_jobs=2)
     scores = [
-        network_objective(
-            *parts, max_iter=effort.iterations, weight_decay=weight_decay, n_jobs=2, random_state=seed + k
-        )(subsets)
+        network_objective(*parts, random_state=seed + k, options=options)(subsets)
         for k in range(min(5, effort.networks))
     ]
     names = [tuple(np.array(SELECTED)[subset].tolist()) for subset in subsets]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import count
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import JsonValue
@@ -21,7 +22,7 @@ from mavhums.learn import (
     Model,
     Network,
     PrecedentBase,
-    Scheme,
+    TrainingResult,
     WindowNetwork,
     brier_score,
     calibrate,
@@ -30,20 +31,18 @@ from mavhums.learn import (
     train_network,
 )
 from mavhums.paper.flights import (
-    CALIBRATES,
-    MEASURES,
     RATES_HZ,
-    TAUGHT,
     TELEMETRY,
-    TRAINS,
-    FlownFlights,
+    Fleet,
     History,
-    Telemetry,
+    ModelOptions,
+    Training,
     fly_fleet,
     friction_range,
     moving_samples,
     windows,
 )
+from mavhums.paper.flown import CALIBRATES, MEASURES, TAUGHT, TRAINS, FlownFlights
 from mavhums.paper.windows import flight_counts, train_window_network
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.manoeuvres import CYCLOGRAMS
@@ -72,39 +71,35 @@ def of_precedents(flown: FlownFlights, part: int) -> Iterator[Labelled]:
         yield Labelled(each.actuator, each, -1 - each.flight, faulty, clear)
 
 
-def both_classes(
-    actuator: Actuator, telemetry: Telemetry, flights: int, seed: int, tick: Callable[[], None]
-) -> Iterator[Labelled]:
-    """Fly so many flights of each class, over the same cyclograms."""
-    limits, random = actuator.known_limits(), np.random.default_rng(seed)
+def both_classes(training: Training) -> Iterator[Labelled]:
+    """Fly the flights of each class, over the same cyclograms."""
+    limits, flights = training.actuator.known_limits(), training.options.flights
     low, high = friction_range(limits)
-    healthy = random.uniform(low, limits.normal, (flights, len(SURFACES)))
-    worn = random.uniform(limits.emergency, high, (flights, len(SURFACES)))
-    cyclograms = 2 * [[*CYCLOGRAMS][k % len(CYCLOGRAMS)] for k in range(flights)]
-    frictions = np.concatenate([healthy, worn])
-    return _fly(actuator, telemetry, frictions, tick, seed=seed, cyclograms=cyclograms)
+    fleet = Fleet(training.actuator, training.telemetry, 1_000_000 * training.options.seed)
+    random, size = np.random.default_rng(fleet.seed), (flights, len(SURFACES))
+    healthy, worn = random.uniform(low, limits.normal, size), random.uniform(limits.emergency, high, size)
+    cyclograms = 2 * [fleet.cyclograms[k % len(fleet.cyclograms)] for k in range(flights)]
+    return _fly(training, replace(fleet, cyclograms=cyclograms), np.concatenate([healthy, worn]))
 
 
-def whole_range(
-    actuator: Actuator, telemetry: Telemetry, flights: int, seed: int, tick: Callable[[], None]
-) -> Iterator[Labelled]:
+def whole_range(training: Training, part: int) -> Iterator[Labelled]:
     """Fly frictions over the whole range, all cyclograms and rates."""
-    random, total = np.random.default_rng(seed), flights * len(SURFACES)
-    low, high = friction_range(actuator.known_limits())
+    seed = 1_000_000 * training.options.seed + _SEEDS[part]
+    shape = (2 * training.options.flights, len(SURFACES))
+    random, total = np.random.default_rng(seed), shape[0] * shape[1]
+    low, high = friction_range(training.actuator.known_limits())
     frictions = low + (high - low) * (random.permutation(total) + random.random(total)) / total
-    options = {"seed": seed, "cyclograms": [*CYCLOGRAMS], "rates_hz": RATES_HZ}
-    return _fly(actuator, telemetry, frictions.reshape(flights, len(SURFACES)), tick, **options)
+    fleet = Fleet(training.actuator, training.telemetry, seed, rates_hz=RATES_HZ)
+    return _fly(training, fleet, frictions.reshape(shape))
 
 
-def _fly(
-    actuator: Actuator, telemetry: Telemetry, frictions: Array, tick: Callable[[], None], **options: Any
-) -> Iterator[Labelled]:
-    limits = actuator.known_limits()
-    for k, flown in enumerate(fly_fleet(actuator, telemetry, frictions, **options)):
+def _fly(training: Training, fleet: Fleet, frictions: Array) -> Iterator[Labelled]:
+    limits = fleet.actuator.known_limits()
+    for k, flown in enumerate(fly_fleet(fleet, frictions)):
         clear = not limits.normal < flown.friction_nm < limits.emergency
-        yield Labelled(actuator, flown, flown.flight, flown.friction_nm > middle_of(limits), clear)
+        yield Labelled(fleet.actuator, flown, flown.flight, flown.friction_nm > middle_of(limits), clear)
         if k % len(SURFACES) == 0:
-            tick()
+            training.tick()
 
 
 def middle_of(limits: Limits) -> float:
@@ -158,86 +153,69 @@ def training_samples(
     return samples[taught], faulty[taught] > 0, flight[taught]
 
 
-class _NetworkAnswers:
+class _Answers:
     """Answers of a network on flights of its own: votes on samples, and shares of votes in windows."""
 
     def __init__(self, model: Model, flights: Iterable[Labelled]) -> None:
-        self.share: list[float] = []
-        self.event: list[bool] = []
-        self.clear: list[bool] = []
-        self.samples = self.voted = self.right = self.working = 0
-        for each in flights:
-            self._take(model, each)
+        windows_of, votes, right = [np.empty((0, 4))], [np.empty(0, dtype=np.int8)], [np.empty(0, dtype=bool)]
+        for actuator, history, _, event, clear in flights:
+            for vote, moving in windows(actuator, [model], history):
+                share = vote.p_fault if vote else np.nan
+                windows_of.append(np.array([[share, event, clear, moving >= _WORKING]], dtype=np.float64))
+            if clear:
+                votes.append(model.votes(moving_samples(actuator, history)[0]))
+                right.append(votes[-1] == event)
+        found = np.concatenate(windows_of)
+        decided = np.isfinite(found[:, 0])
+        self.share, self.event, self.clear = found[decided, 0], found[decided, 1] > 0, found[decided, 2] > 0
+        self.working = np.count_nonzero(found[:, 2:].all(axis=1))
+        self.voted, self.right = np.concatenate(votes) >= 0, np.concatenate(right)
 
-    def _take(self, model: Model, flight: Labelled) -> None:
-        """Count the samples of the two classes, and the windows of any friction."""
-        actuator, history, _, event, clear = flight
-        for vote, moving in windows(actuator, [model], history):
-            self.working += clear and moving >= _WORKING
-            if vote:
-                self.share.append(vote.p_fault)
-                self.event.append(event)
-                self.clear.append(clear)
-        if clear:
-            votes = model.votes(moving_samples(actuator, history)[0])
-            self.samples += len(votes)
-            self.voted += int(np.count_nonzero(votes >= 0))
-            self.right += int(np.count_nonzero(votes == event))
-
-    def metrics(self, calibration: Calibration) -> dict[str, float]:
-        """Return shares of samples and windows of the two classes, on flights not trained on."""
-        clear, event = np.array(self.clear), np.array(self.event)
-        said = np.array([calibration.probability(share) > 0.5 for share in self.share])
-        return {
-            "samples_in_motion_right": round(self.right / max(self.voted, 1), 6),
-            "samples_in_motion_abstained": round(1 - self.voted / max(self.samples, 1), 6),
-            "windows_right": round(float(np.mean((said == event)[clear])) if clear.any() else 0.0, 6),
-            "windows_in_motion_abstained": round(1 - float(clear.sum()) / max(self.working, 1), 6),
+    def metrics(self, said: Array) -> dict[str, float]:
+        """Return shares of samples and windows of the two classes, by the windows' probabilities."""
+        right = ((said > 0.5) == self.event)[self.clear]
+        found = {
+            "samples_in_motion_right": self.right.sum() / max(self.voted.sum(), 1),
+            "samples_in_motion_abstained": 1 - self.voted.sum() / max(len(self.voted), 1),
+            "windows_right": right.mean() if right.size else 0.0,
+            "windows_in_motion_abstained": 1 - right.size / max(self.working, 1),
         }
+        return {name: round(float(value), 6) for name, value in found.items()}
 
 
 def calibrated(
     model: Model, first_flights: Iterable[Labelled], other_flights: Iterable[Labelled], *, event: str
 ) -> tuple[Calibration | None, dict[str, float]]:
     """Calibrate on some flights and measure on others; nothing if the network votes too rarely."""
-    first, second = _NetworkAnswers(model, first_flights), _NetworkAnswers(model, other_flights)
-    if len(set(first.event)) < 2 or not second.share:
+    first, second = _Answers(model, first_flights), _Answers(model, other_flights)
+    if len(set(first.event)) < 2 or not len(second.share):
         return None, {}
     fitted = calibrate(first.share, first.event)
-    tested, truth = np.array(second.share), np.array(second.event)
-    said = np.array([fitted.probability(each) for each in tested])
-    calibration = fitted.model_copy(
-        update={
-            "event": event,
-            "metrics": {
-                "windows_calibrated_with": len(first.share),
-                "windows_measured": len(tested),
-                "brier_score_of_the_share": round(brier_score(tested, truth), 6),
-                "brier_score": round(brier_score(said, truth), 6),
-                "expected_calibration_error_of_the_share": round(
-                    expected_calibration_error(tested, truth), 6
-                ),
-                "expected_calibration_error": round(expected_calibration_error(said, truth), 6),
-            },
-        }
-    )
-    return calibration, second.metrics(calibration)
+    said = np.array([fitted.probability(each) for each in second.share])
+    metrics: dict[str, float] = {
+        "windows_calibrated_with": len(first.share),
+        "windows_measured": len(second.share),
+    }
+    for name, score in (
+        ("brier_score", brier_score),
+        ("expected_calibration_error", expected_calibration_error),
+    ):
+        metrics[f"{name}_of_the_share"] = round(score(second.share, second.event), 6)
+        metrics[name] = round(score(said, second.event), 6)
+    return fitted.model_copy(update={"event": event, "metrics": metrics}), second.metrics(said)
 
 
-_CALIBRATION, _MEASUREMENT = 200_000, 400_000  # added to the seed; seeds of training flights are below both
+_SEEDS = {CALIBRATES: 200_000, MEASURES: 400_000}
+"""Added to the seed; seeds of training flights are below both."""
 
 Progress = Callable[[int, int], None]
 
 
 def train_model(
     airframe: Airframe,
+    options: ModelOptions | None = None,
     *,
-    tier: str = "instrumented",
-    flights: int = 24,
-    seed: int = 1,
-    scheme: Scheme | None = None,
     precedents: PrecedentBase | None = None,
-    flown_weight: float = 1.0,
     tell: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Network, Card, WindowNetwork | None]:
@@ -259,23 +237,19 @@ def train_model(
 
     Precedents teach both networks: that of samples takes those that are normal or an emergency by friction,
     that of windows takes all classes. Where enough are there, whole flights of them calibrate and measure in
-    place of the simulated ones (:class:`mavhums.paper.flights.FlownFlights`). Without simulated flights they
+    place of the simulated ones (:class:`mavhums.paper.flown.FlownFlights`). Without simulated flights they
     train alone, which needs no constants and no limits; without constants there is no network of windows.
 
     Parameters
     ----------
     airframe
         Airframe profile; all its actuators must have the same constants and limits.
-    tier
-        The model's telemetry: a name in :data:`mavhums.paper.flights.TELEMETRY`.
-    flights
-        Number of simulated flights of each class, of four actuators each; 0 for precedents alone.
-    seed, scheme, tell
-        See :func:`mavhums.learn.train_network`.
+    options
+        Telemetry, number of flights, seed, scheme, and weight of the precedents.
     precedents
         Labelled flights, as the paper intends. The networks omit quantities that they lack.
-    flown_weight
-        Weight of a precedent's sample or window relative to a simulated one.
+    tell
+        Called with a line about each stage when it is done.
     progress
         Called with the number of flights flown and the total.
 
@@ -293,16 +267,17 @@ def train_model(
     CommandLeakWarning
         If the command distinguishes the classes.
     """
-    actuator = airframe.actuators[0]
+    options, actuator, step = options or ModelOptions(), airframe.actuators[0], count(1)
     if any((other.ema, other.limits) != (actuator.ema, actuator.limits) for other in airframe.actuators):
         raise MavhumsError(
             f"the actuators of {airframe.name} differ", "train one model for each, with profiles of one kind"
         )
-    if tier not in TELEMETRY:
-        raise MavhumsError(f"no model is for telemetry {tier!r}", f"name one of: {', '.join(TELEMETRY)}")
-    telemetry, scheme, say = TELEMETRY[tier], scheme or Scheme(), tell or (lambda _: None)
-    flown = FlownFlights(precedents, airframe, seed=seed) if precedents else None
-    if not flights:
+    if options.tier not in TELEMETRY:
+        raise MavhumsError(
+            f"no model is for telemetry {options.tier!r}", f"name one of: {', '.join(TELEMETRY)}"
+        )
+    flown = FlownFlights(precedents, airframe, seed=options.seed) if precedents else None
+    if not options.flights:
         _check_alone(flown)
     elif actuator.blanks:
         raise MavhumsError(
@@ -310,75 +285,73 @@ def train_model(
             "fill them in, or train on labelled logs alone: --flights 0 --precedents DIR",
         )
     by_flown = flown is not None and {*TAUGHT} <= {*flown.held_out}
-    step, windows_flown = count(1), flight_counts(flights)
-    steps = (2 if by_flown else 6) * flights
+    windows_flown = flight_counts(options.flights)
+    steps = (2 if by_flown else 6) * options.flights
     steps += windows_flown[0] if flown and flown.held_out else sum(windows_flown)
 
     def tick() -> None:
         if progress:
             progress(next(step), steps)
 
-    groups, keys = [], telemetry.keys
-    if flights:
-        fleet = both_classes(actuator, telemetry, flights, 1_000_000 * seed, tick)
-        groups.append(training_samples(fleet, keys, f"{2 * flights} simulated flights", say))
-    given, conditions = "", dict[str, JsonValue]()
+    training = Training(actuator, options, flown, tell or (lambda _: None), tick)
+    given, conditions = "", _simulated(actuator, options.flights)
     if flown and precedents:
-        given = f" --precedents {precedents.folder.name} --flown-weight {flown_weight:g}"
-        conditions = {"precedent_logs": flown.logs.tolist(), "flown_weight": flown_weight}
-        say(f"precedents: {flown.counts()}")
-        groups.append(training_samples(of_precedents(flown, TRAINS), (), "precedents", say))
-        # An ESC's telemetry leaves some samples without a sign: what most samples carry is learned from.
-        carried = 2 * np.isfinite(groups[-1][0]).sum(axis=0) >= max(len(groups[-1][0]), 1)
-        keys = tuple(key for key in keys if carried[column(key)])
-    samples, classes, flight, keys, leaking = _examples(groups, keys)
-    weights = np.where(flight < 0, flown_weight, 1.0)
-    result = train_network(
-        samples, classes, flight, seed=seed, keys=keys, scheme=scheme, weights=weights, tell=tell
-    )
+        given = f" --precedents {precedents.folder.name} --flown-weight {options.flown_weight:g}"
+        conditions |= {"precedent_logs": flown.logs.tolist(), "flown_weight": options.flown_weight}
+        training.tell(f"precedents: {flown.counts()}")
+    result, not_offered = _sample_network(training)
     card = result.card(
-        name=f"{airframe.name}-{tier}",
+        name=f"{airframe.name}-{options.tier}",
         airframe=airframe.name,
-        tier=telemetry.gives,
+        tier=training.telemetry.gives,
         command=(
-            f"mavhums train --airframe {airframe.name} --tier {tier} --flights {flights} "
-            f"--seed {seed} {scheme.command}{given} -o MODEL"
+            f"mavhums train --airframe {airframe.name} --tier {options.tier} --flights {options.flights} "
+            f"--seed {options.seed} {options.scheme.command}{given} -o MODEL"
         ),
-        conditions=_simulated(actuator, flights)
-        | conditions
-        | {"not_offered": {**telemetry.withheld, **leaking}},
+        conditions=conditions | {"not_offered": not_offered},
     )
 
-    def flown_or_simulated(part: int) -> Iterator[Labelled]:
-        if flown and by_flown:
-            return (each for each in of_precedents(flown, part) if each.clear)
-        of_part = 1_000_000 * seed + (_CALIBRATION if part == CALIBRATES else _MEASUREMENT)
-        return whole_range(actuator, telemetry, 2 * flights, of_part, tick)
+    def labelled(part: int) -> Iterator[Labelled]:
+        _, own = training.sources(part, held_out=by_flown)
+        return (
+            (each for each in of_precedents(own, part) if each.clear) if own else whole_range(training, part)
+        )
 
     event = (
         "the label friction_emergency, not normal, of precedents"
         if by_flown
         else f"friction above {middle_of(actuator.known_limits()):g} N·m, the middle between the limits"
     )
-    parts = map(flown_or_simulated, (CALIBRATES, MEASURES))
-    calibration, measured = calibrated(Model(result.network, card, ""), *parts, event=event)
-    say(_metrics_text(card.metrics | measured, "precedents" if by_flown else "simulated flights"))
-    update = {"calibration": calibration, "metrics": card.metrics | measured}
+    model = Model(result.network, card, "")
+    calibration, measured = calibrated(model, labelled(CALIBRATES), labelled(MEASURES), event=event)
+    training.tell(_metrics_text(card.metrics | measured, "precedents" if by_flown else "simulated flights"))
+    update: dict[str, object] = {"calibration": calibration, "metrics": card.metrics | measured}
+    window = None
     if actuator.ema is None:
-        say("no network of windows: its statistics need the gear ratio, in [actuators.ema] of the profile")
-        return result.network, card.model_copy(update=update), None
-    window, window_card = train_window_network(
-        actuator,
-        telemetry,
-        flights,
-        seed=seed,
-        scheme=scheme,
-        tell=say,
-        tick=tick,
-        flown=flown,
-        flown_weight=flown_weight,
-    )
-    return result.network, card.model_copy(update=update | {"window": window_card}), window
+        training.tell(
+            "no network of windows: its statistics need the gear ratio, in [actuators.ema] of the profile"
+        )
+    else:
+        window, update["window"] = train_window_network(training)
+    return result.network, card.model_copy(update=update), window
+
+
+def _sample_network(training: Training) -> tuple[TrainingResult[Network], dict[str, JsonValue]]:
+    """Train the network of samples; return also why quantities are not offered to it."""
+    groups, keys, flights = [], training.telemetry.keys, training.options.flights
+    simulated, flown = training.sources(TRAINS, held_out=False)
+    if simulated:
+        source = f"{2 * flights} simulated flights"
+        groups.append(training_samples(both_classes(training), keys, source, training.tell))
+    if flown:
+        groups.append(training_samples(of_precedents(flown, TRAINS), (), "precedents", training.tell))
+        # An ESC's telemetry leaves some samples without a sign: what most samples carry is learned from.
+        carried = 2 * np.isfinite(groups[-1][0]).sum(axis=0) >= max(len(groups[-1][0]), 1)
+        keys = tuple(key for key in keys if carried[column(key)])
+    samples, classes, flight, keys, leaking = _examples(groups, keys)
+    weights = np.where(flight < 0, training.options.flown_weight, 1.0)
+    result = train_network(samples, classes, flight, training.stages(keys), weights=weights)
+    return result, {**training.telemetry.withheld, **leaking}
 
 
 _POSITIONS = ("V1", "V2")
@@ -443,15 +416,12 @@ def _simulated(actuator: Actuator, flights: int) -> dict[str, JsonValue]:
     if not flights:
         return {}
     limits = actuator.known_limits()
+    low, high = friction_range(limits)
     return {
         "cyclograms": [*CYCLOGRAMS],
         "flights_per_class": flights,
-        "friction_normal_nm": _rounded(friction_range(limits)[0], limits.normal),
-        "friction_emergency_nm": _rounded(limits.emergency, friction_range(limits)[1]),
+        "friction_normal_nm": [round(low, 4), round(limits.normal, 4)],
+        "friction_emergency_nm": [round(limits.emergency, 4), round(high, 4)],
         "actuators": "individuals with two masses, four a flight",
         "samples": "every twentieth moving sample at 100 Hz",
     }
-
-
-def _rounded(low: float, high: float) -> list[JsonValue]:
-    return [round(low, 4), round(high, 4)]

@@ -25,7 +25,6 @@ from mavhums.health.estimation.slots import SlotCutter, Windows, with_extra_colu
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.learn import (
     LabelledWindows,
-    Scheme,
     WindowCard,
     WindowNetwork,
     brier_score,
@@ -34,17 +33,14 @@ from mavhums.learn import (
 )
 from mavhums.learn.evaluation import at_temperature, decides_at
 from mavhums.paper.flights import (
-    CALIBRATES,
-    MEASURES,
-    PURPOSE,
     RATES_HZ,
-    TRAINS,
-    FlownFlights,
     Telemetry,
+    Training,
     friction_range,
     parameters_of,
     reported,
 )
+from mavhums.paper.flown import CALIBRATES, MEASURES, PURPOSE, TRAINS, FlownFlights
 from mavhums_sim.conditions import Condition
 from mavhums_sim.cyclogram import SURFACES
 from mavhums_sim.ema import EmaParameters, Gearbox
@@ -76,7 +72,8 @@ _NEAR_V = 0.6
 _TRAVEL = np.radians(25.0)
 _AIRCRAFT = 3
 """Aircraft that fly each cyclogram: their twelve actuators have every condition, so V1 reveals none."""
-_CALIBRATION, _MEASUREMENT = 600_000, 800_000  # added to the seed
+_SEEDS = (0, 600_000, 800_000)
+"""Added to the seed of flights that train, calibrate and measure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,76 +274,40 @@ def flown_windows(flown: FlownFlights, part: int, classes: Sequence[str]) -> Lab
     return LabelledWindows(np.concatenate(features), label, flight, still=still)
 
 
-def train_window_network(
-    actuator: Actuator,
-    telemetry: Telemetry,
-    flights: int,
-    *,
-    seed: int,
-    scheme: Scheme,
-    tell: Callable[[str], None],
-    tick: Callable[[], None],
-    flown: FlownFlights | None = None,
-    flown_weight: float = 1.0,
-) -> tuple[WindowNetwork, WindowCard]:
+def train_window_network(training: Training) -> tuple[WindowNetwork, WindowCard]:
     """Train the network of windows, calibrate it on other flights, and measure it on others again.
 
-    Precedents train beside the simulated flights, or alone if ``flights`` is 0; if some are held out, they
-    calibrate and measure in place of simulated flights.
+    Precedents train beside the simulated flights, or alone if no flights are simulated; if some are held out,
+    they calibrate and measure in place of simulated flights.
     """
-    classes = classes_of(telemetry) if flights or flown is None else flown.labels
-    sizes, seeds = flight_counts(flights), (0, _CALIBRATION, _MEASUREMENT)
-    held_out = flown is not None and bool(flown.held_out)
-
-    def windows_of(part: int) -> LabelledWindows:
-        groups: list[LabelledWindows] = []
-        if flights and (part == TRAINS or not held_out):
-            of_part = 1_000_000 * seed + seeds[part]
-            groups.append(fly_windows(actuator, telemetry, sizes[part], seed=of_part, tick=tick))
-        if flown and (part == TRAINS or held_out):
-            groups.append(flown_windows(flown, part, classes))
-        names = ("features", "classes", "flights")
-        joined = (np.concatenate([getattr(each, name) for each in groups]) for name in names)
-        windows = LabelledWindows(*joined, still=sum(each.still for each in groups))
-        own = np.count_nonzero(windows.flights < 0)
-        tell(f"windows that {PURPOSE[part]}: {len(windows) - own} of simulated flights, {own} of precedents")
-        if not len(windows):
-            raise MavhumsError(
-                f"no window of the flights that {PURPOSE[part]} shows anything",
-                "add logs of flights in which the surfaces move both ways for twenty seconds or more",
-            )
-        return windows
-
-    trained_on = windows_of(TRAINS)
+    options, telemetry, flown = training.options, training.telemetry, training.flown
+    classes = classes_of(telemetry) if options.flights or flown is None else flown.labels
+    trained_on = _windows_of(training, TRAINS, classes)
     by_flown = trained_on.flights < 0
     known = ~np.isnan(trained_on.features[by_flown]) if flown else np.ones((1, len(WINDOW_KEYS)), dtype=bool)
     # Of what the precedents mostly lack, no window of this aircraft would be asked.
-    keys = tuple(
-        key for key in keys_of(telemetry) if 2 * known[:, WINDOW_KEYS.index(key)].sum() >= len(known)
-    )
-    weights = np.where(by_flown, flown_weight, 1.0)
-    result = train_windows(
-        trained_on, classes=len(classes), keys=keys, seed=seed, scheme=scheme, weights=weights, tell=tell
-    )
-    other = windows_of(CALIBRATES)
+    carried = 2 * known.sum(axis=0) >= len(known)
+    keys = tuple(key for key in keys_of(telemetry) if carried[WINDOW_KEYS.index(key)])
+    weights = np.where(by_flown, options.flown_weight, 1.0)
+    result = train_windows(trained_on, len(classes), training.stages(keys), weights=weights)
+    other = _windows_of(training, CALIBRATES, classes)
     network = WindowNetwork(keys=result.inputs, **result.network.tensors)
     network, temperature = at_temperature(network, other.features, other.classes)
     level = decides_at(network, other.features, other.classes, telemetry.goal)
-    last = windows_of(MEASURES)
-    metrics, confusion = measure(network, last, classes, level)
-    tell(
-        f"network of windows, on {'precedents' if held_out else 'simulated flights'} not trained on: "
+    metrics, confusion = measure(network, _windows_of(training, MEASURES, classes), classes, level)
+    training.tell(
+        f"network of windows, on {'precedents' if _held_out(flown) else 'simulated flights'} not trained on: "
         f"{100 * metrics['decided_right']:.2f} % of the decided windows right, "
         f"{100 * metrics['abstained']:.1f} % abstained"
     )
     conditions: dict[str, JsonValue] = {
-        "cyclograms": sizes[0],
+        "cyclograms": flight_counts(options.flights)[TRAINS],
         "windows": len(trained_on),
         "temperature": temperature,
         "hidden": len(network.b1),
         "networks": len(result.candidates),
     }
-    if flights:
+    if options.flights:
         conditions |= {
             "friction_nm": "normal, degraded, and emergency up to 1.5 times its limit",
             "severities": {
@@ -363,6 +324,38 @@ def train_window_network(
         confusion=confusion,
         selection=result.selection,
     )
+
+
+def _held_out(flown: FlownFlights | None) -> bool:
+    return flown is not None and bool(flown.held_out)
+
+
+def _windows_of(training: Training, part: int, classes: tuple[str, ...]) -> LabelledWindows:
+    """Return the windows of a part's flights, simulated and flown."""
+    groups: list[LabelledWindows] = []
+    simulated, flown = training.sources(part, held_out=_held_out(training.flown))
+    if simulated:
+        size, seed = flight_counts(training.options.flights)[part], 1_000_000 * training.options.seed
+        groups.append(
+            fly_windows(
+                training.actuator, training.telemetry, size, seed=seed + _SEEDS[part], tick=training.tick
+            )
+        )
+    if flown:
+        groups.append(flown_windows(flown, part, classes))
+    names = ("features", "classes", "flights")
+    joined = (np.concatenate([getattr(each, name) for each in groups]) for name in names)
+    windows = LabelledWindows(*joined, still=sum(each.still for each in groups))
+    own = np.count_nonzero(windows.flights < 0)
+    training.tell(
+        f"windows that {PURPOSE[part]}: {len(windows) - own} of simulated flights, {own} of precedents"
+    )
+    if not len(windows):
+        raise MavhumsError(
+            f"no window of the flights that {PURPOSE[part]} shows anything",
+            "add logs of flights in which the surfaces move both ways for twenty seconds or more",
+        )
+    return windows
 
 
 def flight_counts(flights: int) -> tuple[int, int, int]:

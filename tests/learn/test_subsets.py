@@ -1,11 +1,12 @@
 import random
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from sklearn.datasets import make_moons
 
-from mavhums.learn import exhaustive_search, genetic_search, network_objective
+from mavhums.learn import Vectors, exhaustive_search, genetic_search, network_objective
 from mavhums.learn.wrapper import all_subsets
 
 WORTH = np.random.default_rng(1).normal(size=10)
@@ -62,7 +63,7 @@ FEATURES = np.column_stack([np.random.default_rng(0).normal(size=(400, 2)), MOON
 
 
 def test_the_search_drops_what_only_makes_noise() -> None:
-    parts = [(FEATURES[rows], SIDE[rows] == 1) for rows in (slice(0, 300), slice(300, 400))]
+    parts = [Vectors(FEATURES[rows], SIDE[rows] == 1) for rows in (slice(0, 300), slice(300, 400))]
     objective = network_objective(parts[0], parts[1])
     for search in (exhaustive_search(objective, 4), genetic_search(objective, 4, evaluations=12)):
         assert search.best[2:].all()
@@ -70,11 +71,12 @@ def test_the_search_drops_what_only_makes_noise() -> None:
 
 
 def test_the_objective_is_the_validation_accuracy_of_the_subset_alone() -> None:
-    samples, validation = (FEATURES[:200], SIDE[:200] == 1), (FEATURES[200:], SIDE[200:] == 1)
-    objective = network_objective(samples, validation, hidden=6, max_iter=60)
+    vectors = Vectors(FEATURES, SIDE == 1)
+    samples, validation = vectors.part(np.arange(200)), vectors.part(np.arange(200, 400))
+    objective = network_objective(samples, validation, hidden=6)
     noise, moons = objective(np.array([[1, 1, 0, 0], [0, 0, 1, 1]], dtype=bool))
     assert noise < 0.65
     assert moons > 0.9
-    changed = (FEATURES * [5, -3, 1, 1], validation[1])
-    same = network_objective(samples, (changed[0][200:], changed[1]), hidden=6, max_iter=60)
+    changed = replace(validation, features=validation.features * [5, -3, 1, 1])
+    same = network_objective(samples, changed, hidden=6)
     assert same(np.array([[0, 0, 1, 1]], dtype=bool))[0] == moons

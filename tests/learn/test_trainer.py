@@ -7,18 +7,27 @@ from sklearn.datasets import make_moons
 from sklearn.neural_network import MLPClassifier
 from sklearn.preprocessing import MinMaxScaler
 
-from mavhums.learn.trainer import Trained, train_networks
+from mavhums.learn.trainer import NetworkOptions, Trained, Vectors, train_networks
 
 MOONS, SIDE = make_moons(300, noise=0.2, random_state=0)
 SIDE = SIDE == 1
 WEIGHT = np.random.default_rng(0).uniform(1, 2, len(SIDE))
 THREE = np.eye(3, dtype=bool)[np.where(MOONS[:, 1] < 0, 2, 1 - SIDE)]
 """Three classes; the first of two is the emergency."""
+FEW, SIXTY = (NetworkOptions(max_iter=count) for count in (20, 60))
 TARGETS = pytest.mark.parametrize("target", [SIDE, THREE], ids=["two classes", "three"])
 
 
-def trained(target: NDArray[np.bool_] = SIDE, **options: object) -> Trained:
-    return train_networks([3, 7, 5], [4, 5, 6], (MOONS, target), **{"max_iter": 60} | options)  # type: ignore[arg-type]
+def trained(
+    target: NDArray[np.bool_] = SIDE,
+    validation: Vectors | None = None,
+    *,
+    weight: NDArray[np.float64] | None = None,
+    subsets: NDArray[np.bool_] | None = None,
+    options: NetworkOptions = SIXTY,
+) -> Trained:
+    vectors = Vectors(MOONS, target, weight)
+    return train_networks([3, 7, 5], [4, 5, 6], vectors, validation, subsets=subsets, options=options)
 
 
 def flat(found: Trained) -> NDArray[np.float64]:
@@ -28,7 +37,7 @@ def flat(found: Trained) -> NDArray[np.float64]:
 @TARGETS
 def test_the_loss_is_the_cross_entropy_of_the_network_in_numpy(target: NDArray[np.bool_]) -> None:
     truth = target if target.ndim == 2 else np.column_stack([target, ~target])
-    found = trained(target, weight=WEIGHT, validation=(MOONS[:50], target[:50]))
+    found = trained(target, Vectors(MOONS[:50], target[:50]), weight=WEIGHT)
     assert [len(network.b1) for network in found.networks] == [3, 7, 5]
     for k, network in enumerate(found.networks):
         p = softmax(network.outputs(MOONS), axis=1)
@@ -39,9 +48,7 @@ def test_the_loss_is_the_cross_entropy_of_the_network_in_numpy(target: NDArray[n
 
 def test_a_sample_that_lacks_an_input_counts_as_a_guess() -> None:
     held_out = np.where(np.arange(len(MOONS))[:, None] % 2 == 1, np.nan, MOONS)
-    found, whole = (
-        trained(THREE, validation=(x, y)) for x, y in ((held_out, THREE), (MOONS[::2], THREE[::2]))
-    )
+    found, whole = (trained(THREE, Vectors(x, y)) for x, y in ((held_out, THREE), (MOONS[::2], THREE[::2])))
     np.testing.assert_allclose(found.validation_loss, (whole.validation_loss + np.log(3)) / 2)
     np.testing.assert_allclose(found.validation_accuracy, whole.validation_accuracy / 2)
 
@@ -49,7 +56,7 @@ def test_a_sample_that_lacks_an_input_counts_as_a_guess() -> None:
 def test_converges_to_what_scikit_learn_reaches() -> None:
     """Three classes: scikit-learn has a softmax for them alone."""
     decay, seeds = 1e-2, range(4)
-    found = train_networks([7] * 4, seeds, (MOONS, THREE), weight_decay=decay, max_iter=2000)
+    found = train_networks([7] * 4, seeds, Vectors(MOONS, THREE), options=NetworkOptions(decay, 2000))
     assert found.iterations.max() < 2000
     ours = [
         loss + decay / 2 * (np.square(network.w1).sum() + np.square(network.w2).sum())
@@ -70,7 +77,7 @@ def test_a_feature_outside_the_subset_has_no_say() -> None:
     found = trained(subsets=subsets)
     for network, subset in zip(found.networks, subsets, strict=True):
         np.testing.assert_array_equal(network.w1.any(axis=1), subset)
-    alone = train_networks([7], [5], (MOONS[:, :1], SIDE), max_iter=60)
+    alone = train_networks([7], [5], Vectors(MOONS[:, :1], SIDE), options=NetworkOptions(max_iter=60))
     np.testing.assert_array_equal(alone.networks[0].outputs(MOONS[:, :1]), found.networks[1].outputs(MOONS))
 
 
@@ -79,15 +86,17 @@ def test_the_same_seed_gives_the_same_network_whatever_the_threads_and_torch() -
     torch.set_num_threads(2)
     try:
         torch.manual_seed(1)
-        first = trained(max_iter=20)
+        first = trained(options=FEW)
         torch.manual_seed(2)
         state = torch.get_rng_state()
-        np.testing.assert_array_equal(flat(trained(max_iter=20, n_jobs=2)), flat(first))
+        np.testing.assert_array_equal(
+            flat(trained(options=NetworkOptions(max_iter=20, n_jobs=2))), flat(first)
+        )
         assert torch.equal(torch.get_rng_state(), state)
         assert torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(threads)
-    other = train_networks([3, 7, 5], [4, 5, 7], (MOONS, SIDE), max_iter=20)
+    other = train_networks([3, 7, 5], [4, 5, 7], Vectors(MOONS, SIDE), options=FEW)
     np.testing.assert_array_equal(other.networks[1].w1, first.networks[1].w1)
     assert not np.allclose(other.networks[2].w1, first.networks[2].w1)
 
@@ -95,8 +104,8 @@ def test_the_same_seed_gives_the_same_network_whatever_the_threads_and_torch() -
 def test_weights_count_as_repetitions() -> None:
     weight = np.arange(len(SIDE)) % 3
     rows = np.repeat(np.arange(len(SIDE)), weight)
-    repeated = train_networks([3, 7, 5], [4, 5, 6], (MOONS[rows], SIDE[rows]), max_iter=20)
-    weighted = trained(max_iter=20, weight=weight.astype(float))
+    repeated = train_networks([3, 7, 5], [4, 5, 6], Vectors(MOONS[rows], SIDE[rows]), options=FEW)
+    weighted = trained(options=FEW, weight=weight.astype(float))
     np.testing.assert_allclose(weighted.loss, repeated.loss)
     np.testing.assert_allclose(flat(weighted), flat(repeated), rtol=1e-4)
 
@@ -104,11 +113,11 @@ def test_weights_count_as_repetitions() -> None:
 def test_early_stopping_keeps_the_weights_best_on_validation() -> None:
     random = np.random.default_rng(3)
     noise, sides = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
-    held_out = random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1
+    held_out = Vectors(random.uniform(size=(60, 2)), random.integers(0, 2, 60) == 1)
 
     def run(count: int, patience: int | None) -> Trained:
-        options = {"validation": held_out, "patience": patience, "weight_decay": 0.0}
-        return train_networks([12, 12], [0, 1], (noise, sides), max_iter=count, **options)  # type: ignore[arg-type]
+        options = NetworkOptions(weight_decay=0.0, max_iter=count, patience=patience)
+        return train_networks([12, 12], [0, 1], Vectors(noise, sides), held_out, options=options)
 
     stopped, to_the_end = run(300, 20), run(300, None)
     last = int(stopped.iterations.max())

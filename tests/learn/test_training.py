@@ -11,34 +11,36 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, column
 from mavhums.learn import (
     Scheme,
-    TanhNetworkEnsemble,
+    TrainingOptions,
+    Vectors,
     load_model,
     save_model,
     select_features,
     train_network,
 )
+from mavhums.learn.chain import select_columns
+from mavhums.learn.trainer import Trained, train_networks
 
 Flights = Callable[..., tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]]
 pytestmark = pytest.mark.usefixtures("small_wrapper")
 PAIRS = Scheme(select="pairwise", r2=0.9, vectors=None, networks=2, hidden=(3,))
-FEW: dict[str, Any] = {"seed": 0, "scheme": PAIRS}
+FEW = TrainingOptions(0, scheme=PAIRS)
 
 
 @pytest.fixture
 def trained_on(monkeypatch: pytest.MonkeyPatch) -> Callable[..., NDArray[np.bool_]]:
-    """Which of these samples the first classifier was given."""
+    """Which of these samples the networks to choose from were given."""
     calls: list[NDArray[np.float64]] = []
-    fit = TanhNetworkEnsemble.fit
 
-    def spy(self: TanhNetworkEnsemble, X: NDArray[np.float64], *more: Any, **options: Any) -> Any:
-        calls.append(X)
-        return fit(self, X, *more, **options)
+    def spy(hidden: Any, seeds: Any, vectors: Vectors, *more: Any, **options: Any) -> Trained:
+        calls.append(vectors.features)
+        return train_networks(hidden, seeds, vectors, *more, **options)
 
     def used(values: NDArray[np.float64]) -> NDArray[np.bool_]:
         seen = {row.tobytes() for row in calls[0]}
         return np.array([row.tobytes() in seen for row in np.ascontiguousarray(values)])
 
-    monkeypatch.setattr(TanhNetworkEnsemble, "fit", spy)
+    monkeypatch.setattr("mavhums.learn.training.train_networks", spy)
     return used
 
 
@@ -66,7 +68,7 @@ def test_selects_only_among_the_keys_given(flights: Flights) -> None:
 
 
 def test_the_network_tells_flights_it_never_saw(flights: Flights) -> None:
-    result = train_network(*flights(0.2, 1.0), **FEW)
+    result = train_network(*flights(0.2, 1.0), FEW)
     values, emergency, _ = flights(0.25, 0.3, 0.9, 0.95)
     assert ((result.network.p_emergency(values) > 0.5) == emergency).mean() > 0.9
     assert result.network.inside(values).mean() > 0.9
@@ -79,7 +81,7 @@ def test_whole_flights_are_held_out_where_there_are_enough(
     flights: Flights, trained_on: Callable[..., Any]
 ) -> None:
     values, emergency, numbers = flights(0.2, 0.25, 0.3, 0.9, 1.0, 0.95)
-    result = train_network(values, emergency, numbers * 7 + 3, **FEW)
+    result = train_network(values, emergency, numbers * 7 + 3, FEW)
     assert result.validation == "flights"
     columns = [column(key) for key in result.network.keys]
     used = trained_on(values[:, columns])
@@ -96,7 +98,7 @@ def test_with_one_flight_of_each_class_whole_blocks_of_time_are_held_out(
     flights: Flights, trained_on: Callable[..., Any]
 ) -> None:
     values, emergency, numbers = flights(0.2, 1.0)
-    result = train_network(values, emergency, numbers, **FEW)
+    result = train_network(values, emergency, numbers, FEW)
     assert result.validation == "blocks"
     used = trained_on(values[:, [column(key) for key in result.network.keys]])
     per_block = used.reshape(2, 12, -1).mean(axis=2)
@@ -107,12 +109,12 @@ def test_with_one_flight_of_each_class_whole_blocks_of_time_are_held_out(
 def test_selection_does_not_see_what_is_held_out(flights: Flights, monkeypatch: pytest.MonkeyPatch) -> None:
     rows: list[int] = []
 
-    def spy(values: NDArray[np.float64], *given: Any, **options: Any) -> Any:
-        rows.append(len(values))
-        return select_features(values, *given, **options)
+    def spy(table: NDArray[np.float64], *given: Any) -> Any:
+        rows.append(len(table))
+        return select_columns(table, *given)
 
-    monkeypatch.setattr("mavhums.learn.training.select_features", spy)
-    train_network(*flights(0.2, 0.25, 0.9, 1.0), **FEW)
+    monkeypatch.setattr("mavhums.learn.chain.select_columns", spy)
+    train_network(*flights(0.2, 0.25, 0.9, 1.0), FEW)
     assert rows == [480]
 
 
@@ -120,24 +122,22 @@ def test_selection_does_not_see_what_is_held_out(flights: Flights, monkeypatch: 
 def test_the_network_of_the_least_loss_held_out_is_chosen(
     flights: Flights, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fitted: list[TanhNetworkEnsemble] = []
+    made: list[Trained] = []
 
-    class Spied(TanhNetworkEnsemble):
-        def fit(self, *data: Any, **options: Any) -> TanhNetworkEnsemble:
-            fitted.append(self)
-            super().fit(*data, **options)
-            # The more accurate has the larger loss.
-            self.validation_accuracies_ = self.validation_losses_.argsort().argsort() / self.n_networks
-            return self
+    def spy(*data: Any, **options: Any) -> Trained:
+        found = train_networks(*data, **options)
+        # The more accurate has the larger loss.
+        order = found.validation_loss.argsort().argsort() / len(found.networks)
+        made.append(replace(found, validation_accuracy=order))
+        return made[-1]
 
-    monkeypatch.setattr("mavhums.learn.training.TanhNetworkEnsemble", Spied)
-    result = train_network(
-        *flights(0.3, 0.45, 0.55, 0.7), seed=1, scheme=replace(PAIRS, networks=5, hidden=(1, 2, 3, 4))
-    )
-    [ensemble] = fitted
-    place = int(np.argmin(ensemble.validation_losses_))
-    assert ensemble.validation_accuracies_[place] == 0.0
-    np.testing.assert_array_equal(result.network.w1, ensemble.networks_[place].w1)
+    monkeypatch.setattr("mavhums.learn.training.train_networks", spy)
+    scheme = replace(PAIRS, networks=5, hidden=(1, 2, 3, 4))
+    result = train_network(*flights(0.3, 0.45, 0.55, 0.7), TrainingOptions(1, scheme=scheme))
+    [found] = made
+    place = int(np.argmin(found.validation_loss))
+    assert found.validation_accuracy[place] == 0.0
+    np.testing.assert_array_equal(result.network.w1, found.networks[place].w1)
     assert result.chosen == result.candidates[place]
     assert {candidate.hidden for candidate in result.candidates} == {1, 2, 3, 4}
 
@@ -145,7 +145,8 @@ def test_the_network_of_the_least_loss_held_out_is_chosen(
 def test_each_stage_is_told_and_what_is_told_is_on_the_card(flights: Flights) -> None:
     said: list[str] = []
     scheme = Scheme(vectors=100, networks=3, hidden=(2,))
-    result = train_network(*flights(0.2, 0.25, 0.9, 1.0), seed=0, scheme=scheme, tell=said.append)
+    options = TrainingOptions(0, scheme=scheme, tell=said.append)
+    result = train_network(*flights(0.2, 0.25, 0.9, 1.0), options)
     stages = [line.split(":")[0] for line in said if not line.startswith(" ")]
     assert stages == ["chi-square", "filter", "thinning", "wrapper", "networks"]
     found = result.selection
@@ -168,11 +169,12 @@ def test_the_wrapper_finds_the_one_quantity_that_tells() -> None:
     values[:, column("V9")] += 4 * emergency
     for select in ("exhaustive", "genetic", "algorithm-1"):
         scheme = Scheme(select=select, networks=1, hidden=(4,), vectors=None)
-        keys = ("V3", "V5", "V9", "V11")
-        result = train_network(values, emergency, numbers, seed=1, keys=keys, scheme=scheme)
+        options = TrainingOptions(1, ("V3", "V5", "V9", "V11"), scheme)
+        result = train_network(values, emergency, numbers, options)
         assert "V9" in result.network.keys
         assert result.validation_accuracy > 0.9
-    whole = train_network(values, emergency, numbers, seed=1, scheme=replace(scheme, select="none"))
+    options = TrainingOptions(1, scheme=replace(scheme, select="none"))
+    whole = train_network(values, emergency, numbers, options)
     assert whole.network.keys == KEYS
     assert whole.selection.wrapped is None
 
@@ -210,7 +212,7 @@ def test_too_large_a_basis_is_refused_with_a_remedy(flights: Flights) -> None:
 
 
 def test_the_card_says_how_the_network_came_to_be(flights: Flights, tmp_path: Path) -> None:
-    result = train_network(*flights(0.2, 1.0), **FEW)
+    result = train_network(*flights(0.2, 1.0), FEW)
     given = {"name": "x", "airframe": "paper", "tier": "instrumented", "command": "mavhums train"}
     card = result.card(**given, conditions={"flights": 2})
     assert card.model_dump(include=set(given)) == given
@@ -232,14 +234,19 @@ def test_the_card_says_how_the_network_came_to_be(flights: Flights, tmp_path: Pa
         ({"emergency": np.zeros(479, dtype=bool)}, "emergency must be one boolean"),
         ({"flights": np.zeros(3)}, "flights must be one number for each sample"),
         ({"emergency": np.zeros(480, dtype=bool)}, "each class needs enough samples"),
-        ({"keys": ("V5", "V0")}, "not in tuple"),
+        ({"options": replace(FEW, keys=("V5", "V0"))}, "not in tuple"),
     ],
 )
 def test_refuses_data_that_cannot_be_learned_from(
     flights: Flights, change: dict[str, Any], message: str
 ) -> None:
     values, emergency, numbers = flights(0.2, 1.0)
-    data: dict[str, Any] = {"values": values, "emergency": emergency, "flights": numbers, **FEW}
+    data: dict[str, Any] = {
+        "values": values,
+        "emergency": emergency,
+        "flights": numbers,
+        "options": FEW,
+    }
     with pytest.raises(ValueError, match=message):
         train_network(**data | change)
 
@@ -248,21 +255,21 @@ def test_a_quantity_with_gaps_is_named(flights: Flights) -> None:
     values, emergency, numbers = flights(0.2, 1.0)
     values[17, column("V9")] = np.nan
     with pytest.raises(ValueError, match="V9 is not finite throughout"):
-        train_network(values, emergency, numbers, **FEW)
+        train_network(values, emergency, numbers, FEW)
     keys = tuple(key for key in KEYS if key != "V9")
-    assert "V9" not in train_network(values, emergency, numbers, **FEW, keys=keys).network.keys
+    assert "V9" not in train_network(values, emergency, numbers, replace(FEW, keys=keys)).network.keys
 
 
 @pytest.mark.slow
 def test_weights_move_the_boundary_and_must_be_positive(flights: Callable[..., Any]) -> None:
     values, emergency, numbers = flights(0.2, 0.25, 0.9, 1.0)
-    one: dict[str, Any] = {"seed": 0, "scheme": replace(PAIRS, networks=1)}
-    plain = train_network(values, emergency, numbers, **one)
-    alike = train_network(values, emergency, numbers, **one, weights=np.full(len(values), 3.0))
-    heavy = train_network(values, emergency, numbers, **one, weights=np.where(emergency, 50.0, 1.0))
+    one = TrainingOptions(0, scheme=replace(PAIRS, networks=1))
+    plain = train_network(values, emergency, numbers, one)
+    alike = train_network(values, emergency, numbers, one, weights=np.full(len(values), 3.0))
+    heavy = train_network(values, emergency, numbers, one, weights=np.where(emergency, 50.0, 1.0))
     mean = [result.network.p_emergency(values).mean() for result in (plain, alike, heavy)]
     assert mean[1] == pytest.approx(mean[0], abs=1e-3)
     assert mean[2] > mean[0]
     for weights in (np.zeros(len(values)), np.ones(3)):
         with pytest.raises(ValueError, match="weights must be one positive number"):
-            train_network(values, emergency, numbers, **one, weights=weights)
+            train_network(values, emergency, numbers, one, weights=weights)

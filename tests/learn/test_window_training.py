@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mavhums.core.quantities import WINDOW_KEYS
-from mavhums.learn import LabelledWindows, Scheme, WindowNetwork, train_windows
+from mavhums.learn import LabelledWindows, Scheme, TrainingOptions, WindowNetwork, train_windows
 from mavhums.learn.evaluation import at_temperature, decides_at
 
 KEYS = ("V5 way", "V4|V5", "V5 rms", "V7 rms")
@@ -29,7 +29,7 @@ def windows(seed: int, *, count: int = 600, overlap: float = 0.25) -> LabelledWi
 @pytest.fixture(scope="module")
 def network() -> WindowNetwork:
     pytest.importorskip("torch")
-    result = train_windows(windows(1), classes=3, keys=KEYS, seed=1, scheme=Scheme(networks=5, vectors=300))
+    result = train_windows(windows(1), 3, TrainingOptions(1, KEYS, Scheme(networks=5, vectors=300)))
     assert result.selection.thinned is not None
     assert result.selection.thinned.kept <= 303
     assert {each.quantity for each in result.selection.excluded} < {"V5 way", "V5 rms"}
@@ -85,7 +85,7 @@ def test_wild_values_of_a_few_windows_hide_nothing_of_the_others() -> None:
     for k, key in enumerate(KEYS):
         some.features[k::200, WINDOW_KEYS.index(key)] = 1000.0
     scheme = Scheme(networks=5, vectors=None, select="none")
-    result = train_windows(some, classes=3, keys=KEYS, seed=1, scheme=scheme)
+    result = train_windows(some, 3, TrainingOptions(1, KEYS, scheme))
     found = WindowNetwork(keys=result.inputs, **result.network.tensors)
     others = windows(2)
     assert set(found.maximum.tolist()) == {1000.0}

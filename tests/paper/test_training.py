@@ -15,7 +15,15 @@ from mavhums.core.errors import MavhumsError
 from mavhums.core.quantities import KEYS, WINDOW_KEYS, column
 from mavhums.learn import Scheme, load_model, packaged_models, save_model
 from mavhums.learn.evaluation import CommandLeak
-from mavhums.paper.flights import TELEMETRY, fly_fleet, friction_range, moving_samples, windows
+from mavhums.paper.flights import (
+    TELEMETRY,
+    Fleet,
+    ModelOptions,
+    fly_fleet,
+    friction_range,
+    moving_samples,
+    windows,
+)
 from mavhums.paper.train import train_model
 from mavhums.paper.windows import classes_of, fly_windows, keys_of
 from mavhums_sim import Flight, fly, write_tlog
@@ -36,7 +44,7 @@ def shorter(flight: Flight) -> object:
 def test_esc_telemetry_is_what_mapping_a_log_makes_of_it(tier: str, tmp_path: Path) -> None:
     """The same flight through messages and through memory; the samples' times differ by milliseconds."""
     frictions = np.full((1, 4), 0.3)
-    found = [*fly_fleet(ACTUATOR, TELEMETRY["esc"], frictions, seed=5, cyclograms=["takeoff"])]
+    found = [*fly_fleet(Fleet(ACTUATOR, TELEMETRY["esc"], 5, ["takeoff"]), frictions)]
     k = 0 if tier == "esc-signed" else 1
     flight = Flight(
         seed=5,
@@ -65,16 +73,8 @@ def test_esc_telemetry_is_what_mapping_a_log_makes_of_it(tier: str, tmp_path: Pa
 
 def test_the_fleet_is_of_individuals_with_the_frictions_asked_for() -> None:
     frictions = np.array([[0.2, 0.3, 0.4, 0.5], [1.0, 1.1, 0.9, 0.8]])
-    flown = [
-        *fly_fleet(
-            ACTUATOR,
-            TELEMETRY["without-load"],
-            frictions,
-            seed=3,
-            cyclograms=["takeoff", "preflight"],
-            rates_hz=[25.0],
-        )
-    ]
+    fleet = Fleet(ACTUATOR, TELEMETRY["without-load"], 3, ["takeoff", "preflight"], [25.0])
+    flown = [*fly_fleet(fleet, frictions)]
     assert [each.friction_nm for each in flown] == frictions.ravel().tolist()
     assert [each.flight for each in flown] == [0] * 4 + [1] * 4
     assert {each.cyclogram for each in flown[4:]} == {"preflight"}
@@ -97,7 +97,7 @@ def test_windows_are_the_monitors() -> None:
         for model in packaged_models()
     ]
     frictions = np.array([[0.3, 0.95, 0.3, 0.95]])
-    for flown in fly_fleet(ACTUATOR, TELEMETRY["instrumented"], frictions, seed=9, cyclograms=["turns"]):
+    for flown in fly_fleet(Fleet(ACTUATOR, TELEMETRY["instrumented"], 9, ["turns"]), frictions):
         monitor = Monitor(1, ACTUATOR, models)
         events = [*monitor.feed(flown.time_s, flown.values, flown.measured), *monitor.finish()]
         seen = {e.start_s: e.p_fault for e in events if isinstance(e, Window)}
@@ -120,9 +120,7 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
     said: list[str] = []
     network, card, window = train_model(
         AIRFRAME,
-        tier=tier,
-        flights=2,
-        scheme=Scheme(networks=2, vectors=300),
+        ModelOptions(tier, flights=2, scheme=Scheme(networks=2, vectors=300)),
         tell=said.append,
         progress=lambda *step: seen.append(step),
     )
@@ -165,7 +163,8 @@ def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPa
     # A command that differs between the classes is not offered.
     monkeypatch.setattr("mavhums.paper.train.check_command", lambda *_: CommandLeak(1.0, 0.001, True))
     said: list[str] = []
-    _, card, _ = train_model(AIRFRAME, flights=1, scheme=Scheme(networks=1, vectors=100), tell=said.append)
+    options = ModelOptions(flights=1, scheme=Scheme(networks=1, vectors=100))
+    _, card, _ = train_model(AIRFRAME, options, tell=said.append)
     assert not {"V1", "V2"} & card.selection.chi_square.keys()
     assert card.conditions["not_offered"] == dict.fromkeys(
         ("V1", "V2"), "its distribution differs between the classes"
@@ -180,7 +179,7 @@ def test_the_frictions_flown_are_the_papers_and_scale_with_the_limits() -> None:
 
 def test_a_telemetry_that_is_none_is_refused() -> None:
     with pytest.raises(MavhumsError, match="no model is for telemetry 'pwm'"):
-        train_model(AIRFRAME, tier="pwm")
+        train_model(AIRFRAME, ModelOptions("pwm"))
 
 
 def test_packaged_models_say_how_they_were_made() -> None:
@@ -236,16 +235,8 @@ def test_a_winding_of_twice_its_resistance_is_no_emergency_by_friction(tier: str
 
     doubled, models = Condition.constant("resistance", 1.0), packaged_models()
     for friction, conditions in ((0.3, (doubled,)), (1.2, ())):
-        fleet = fly_fleet(
-            ACTUATOR,
-            TELEMETRY[tier],
-            np.full((1, 4), friction),
-            seed=4242,
-            cyclograms=["gusts"],
-            rates_hz=[50.0],
-            conditions=conditions,
-        )
-        for flown in fleet:
+        fleet = Fleet(ACTUATOR, TELEMETRY[tier], 4242, ["gusts"], [50.0], conditions)
+        for flown in fly_fleet(fleet, np.full((1, 4), friction)):
             monitor = Monitor(1, ACTUATOR, models)
             events = [*monitor.feed(flown.time_s, flown.values, flown.measured), *monitor.finish()]
             said = [
