@@ -239,7 +239,7 @@ def study() -> None:
 @click.option("--quick", is_flag=True, help="Fewer networks and iterations.")
 @click.option("--seed", default=1, type=int, help="Of the networks; not of the flights.")
 def study_paper(output: Path, quick: bool, seed: int) -> None:
-    """Set the tables and figures of the paper beside ours: report, CSV tables and a Rerun recording."""
+    """Set the tables and figures of the paper beside ours: report, CSV tables and figures."""
     from mavhums.paper import write_study
 
     with steps("study") as progress:

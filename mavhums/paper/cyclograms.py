@@ -160,11 +160,6 @@ def _flown(cyclogram: str, friction_nm: float, load_friction: float) -> Cyclogra
     return _fly(CYCLOGRAMS[cyclogram](), friction_nm, _SEED, load_friction)
 
 
-def fly_takeoff(seed: int, friction_nm: float) -> CyclogramSamples:
-    """Simulate another take-off, with a command, an airspeed and sample times of its own."""
-    return _fly(_takeoff(seed), friction_nm, seed)
-
-
 def _fly(command_deg: Array, friction_nm: float, seed: int, load_friction: float = 0.0) -> CyclogramSamples:
     command = np.radians(command_deg)
     air = _air(seed)

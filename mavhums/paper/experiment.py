@@ -1,29 +1,22 @@
-"""Experiments with fifty networks (tables 4 and 5, figures 16 to 19), and a bound for decisions."""
+"""Experiments with fifty networks (tables 4 and 5, figures 16 to 19)."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from time import process_time
 
 import numpy as np
 import pandas as pd
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.neural_network import MLPClassifier
-from sklearn.preprocessing import MinMaxScaler
-from threadpoolctl import threadpool_limits
 
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import column
 from mavhums.learn import TanhNetwork, TanhNetworkEnsemble
 from mavhums.paper.cyclograms import (
-    TAKEOFF,
     TEST_NM,
     TRAINING_NM,
     CyclogramSamples,
     fly_condition,
-    fly_takeoff,
 )
 
 WEIGHT_DECAY = 1e-4
@@ -43,24 +36,16 @@ class Effort:
         Number of networks and of iterations in each experiment.
     every
         Decimation of the training samples: every n-th is used.
-    subset_samples, subset_iterations
-        Number of samples and of iterations for each of the 4,095 networks of the subset search; the
-        search is left out if the samples are 0.
-    takeoffs
-        Number of other take-offs that the oracle of the bound learns from; left out if 0.
     """
 
     networks: int = 50
     iterations: int = 300
     every: int = 1
-    subset_samples: int = 1000
-    subset_iterations: int = 60
-    takeoffs: int = 4
 
     @classmethod
     def quick(cls) -> Effort:
-        """Return a size of one to two minutes; what would be noise at that size is left out."""
-        return cls(networks=5, iterations=60, every=10, subset_samples=0, takeoffs=0)
+        """Return a size of one to two minutes."""
+        return cls(networks=5, iterations=60, every=10)
 
 
 def emergency(flown: CyclogramSamples) -> bool:
@@ -226,38 +211,6 @@ def run_experiment(
     )
 
 
-_MLP_HIDDEN = (4, 7, 10, 13, 16)
-
-
-def mlp_accuracies(
-    cyclogram: str, inputs: tuple[str, ...], effort: Effort, weight_decay: float, *, seed: int
-) -> Array:
-    """Return test accuracies, %, of scikit-learn's networks of 4 to 16 neurons, trained by L-BFGS as ours."""
-    columns = [column(key) for key in inputs]
-    values, classes, _ = samples(fly_condition(cyclogram, TRAINING_NM), effort.every)
-    tested, truth, _ = samples(fly_condition(cyclogram, TEST_NM))
-    scaler = MinMaxScaler().fit(values[:, columns])
-    # scikit-learn divides its penalty by the number of samples: its default alpha is hardly any decay.
-    networks = [
-        MLPClassifier(
-            hidden,
-            activation="tanh",
-            solver="lbfgs",
-            alpha=weight_decay * len(values),
-            max_iter=effort.iterations,
-            random_state=seed,
-        )
-        for hidden in _MLP_HIDDEN[: effort.networks]
-    ]
-    with warnings.catch_warnings(), threadpool_limits(1):
-        # The iterations end where ours do.
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        for network in networks:
-            network.fit(scaler.transform(values[:, columns]), classes)
-    right = [network.score(scaler.transform(tested[:, columns]), truth) for network in networks]
-    return 100 * np.array(right)
-
-
 def _judge(
     network: TanhNetwork, flown: CyclogramSamples, columns: list[int]
 ) -> tuple[dict[str, float | str], Array]:
@@ -274,48 +227,3 @@ def _judge(
         row[name] = 100 * float((decision[decided] == truth).mean())
         row["before_motion"] = int((~decided).sum())
     return row, probability
-
-
-_COMMANDED = 2  # V1 and V2 are left out: they name the flight, not the friction
-
-
-@dataclass(frozen=True)
-class Bound:
-    """Accuracy of the oracle on the test flights, as shares of 1.
-
-    Attributes
-    ----------
-    takeoffs
-        Number of other take-offs, each flown at every test friction, from which the oracle learned.
-    moving_share
-        Share of the test samples in which the actuator moves.
-    moving, standing, all
-        Share of the moving, of the standing, and of all test samples that the oracle classifies right.
-    """
-
-    takeoffs: int
-    moving_share: float
-    moving: float
-    standing: float
-    all: float
-
-
-def takeoff_bound(effort: Effort) -> Bound:
-    """Let gradient-boosted trees learn other take-offs at the test frictions, and test them.
-
-    Networks learn the two training frictions alone; the oracle knows the distribution of every test
-    friction, and is not limited to sixteen neurons. What it takes for the other class while the
-    actuator stands, no decision on the sample alone can be expected to tell.
-    """
-    from sklearn.ensemble import HistGradientBoostingClassifier
-
-    others = [fly_takeoff(seed, nm) for seed in range(1, effort.takeoffs + 1) for nm in TEST_NM]
-    values, classes, _ = samples(others, effort.every)
-    oracle = HistGradientBoostingClassifier(max_iter=effort.iterations, max_leaf_nodes=63, random_state=0)
-    oracle.fit(values[:, _COMMANDED:], classes)
-    test = fly_condition(TAKEOFF, TEST_NM)
-    tested, truth, _ = samples(test)
-    moving = np.concatenate([flown.moving for flown in test])
-    right = oracle.predict(tested[:, _COMMANDED:]) == truth
-    shares = (moving.mean(), right[moving].mean(), right[~moving].mean(), right.mean())
-    return Bound(effort.takeoffs, *map(float, shares))

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import compress
 from typing import Final
 
-import numpy as np
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from mavhums.core.quantities import KEYS
-from mavhums.learn import SubsetSearch
 from mavhums.paper.cyclograms import (
     BEST_12,
     BEST_SELECTED,
@@ -50,7 +47,7 @@ def render(template: str, **results: object) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters |= {"table": markdown_table, "chosen": compress}
+    made.filters["table"] = markdown_table
     return made.get_template(template).render(results)
 
 
@@ -73,7 +70,6 @@ def report(findings: Findings, seconds: float) -> str:
         seconds=seconds,
         pilot=PILOT,
         takeoff=TAKEOFF,
-        all_keys=KEYS,
         selected=SELECTED,
         best_selected=BEST_SELECTED,
         weight_decay=WEIGHT_DECAY,
@@ -99,7 +95,6 @@ def report(findings: Findings, seconds: float) -> str:
         ),
         motion=_motion(findings),
         outputs=outputs,
-        rank=_rank,
     )
 
 
@@ -163,12 +158,6 @@ def _motion(findings: Findings) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _rank(search: SubsetSearch, keys: tuple[str, ...], inputs: tuple[str, ...]) -> tuple[float, int]:
-    """Return the score of a subset, and its rank among all, from 1."""
-    score = search.scores[(search.subsets == np.isin(keys, inputs)).all(axis=1)][0]
-    return score, 1 + int((search.scores > score).sum())
-
-
 def markdown_table(table: pd.DataFrame, digits: int = 2) -> str:
     """Return a table in Markdown, numbers rounded.
 
@@ -196,7 +185,7 @@ def decay_table(findings: Findings) -> pd.DataFrame:
     rows = []
     for (cyclogram, decay), experiments in findings.decays.items():
         for found in experiments:
-            test, mlp = found.table["test"], findings.mlp.get((found.inputs, decay), np.array([]))
+            test = found.table["test"]
             rows.append(
                 {
                     "cyclogram": cyclogram,
@@ -205,8 +194,6 @@ def decay_table(findings: Findings) -> pd.DataFrame:
                     f"best of {len(test)} by test": found.best_test,
                     "chosen without test data": found.without_test_data,
                     "median": float(test.median()),
-                    "MLPClassifier, best of five": float(mlp.max()) if cyclogram == TAKEOFF else "–",
-                    "its median": float(np.median(mlp)) if cyclogram == TAKEOFF else "–",
                 }
             )
     return pd.DataFrame(rows).sort_values(["cyclogram", "inputs"], ascending=[False, True])

@@ -1,4 +1,4 @@
-"""Run of the whole study: compute it, then write the report, tables, figures and recording."""
+"""Run of the whole study: compute it, then write the report, tables and figures."""
 
 from __future__ import annotations
 
@@ -41,10 +41,8 @@ from mavhums.paper.experiment import (
     Effort,
     Experiment,
     emergency,
-    mlp_accuracies,
     run_experiment,
     samples,
-    takeoff_bound,
 )
 from mavhums.paper.report import decay_table, report, statement_table
 from mavhums.paper.tables import (
@@ -57,7 +55,6 @@ from mavhums.paper.tables import (
     group_table,
     load_friction_table,
     p_level_table,
-    subset_table,
     subsets_of_four,
     table_1,
 )
@@ -81,14 +78,13 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
         Called with the number of steps done and the total.
     """
     training = {name: fly_condition(name, TRAINING_NM) for name in CYCLOGRAMS}
-    test = fly_condition(TAKEOFF, TEST_NM)
     selections = {name: algorithm_1(flights) for name, flights in training.items()}
     plan = [
         (name, decay, inputs) for name, decays in _DECAYS.items() for decay in decays for inputs in _INPUTS
     ]
     plan += [(name, WEIGHT_DECAY, selection.selected) for name, selection in selections.items()]
     plan = list(dict.fromkeys(plan))
-    steps = len(plan) + len(_DECAYS[TAKEOFF]) + len(_DECAYS) + 2
+    steps = len(plan) + len(_DECAYS[TAKEOFF]) + len(_DECAYS) + 1
     done = 0
 
     def step() -> None:
@@ -102,19 +98,14 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
     for name, decay, inputs in plan:
         found[name, decay, inputs] = run_experiment(name, inputs, effort, seed=seed, weight_decay=decay)
         step()
-    mlp, of_four = {}, {}
+    of_four = {}
     for decay in _DECAYS[TAKEOFF]:
-        for inputs in _INPUTS:
-            mlp[inputs, decay] = mlp_accuracies(TAKEOFF, inputs, effort, decay, seed=seed)
         of_four[decay] = subsets_of_four(decay, effort, seed=seed)
         step()
     figure_1 = {}
     for name in _DECAYS:
         figure_1[name] = _figure_1(name, effort, seed=seed)
         step()
-    searched = bool(effort.subset_samples)
-    subsets = subset_table(training[TAKEOFF], test, effort, seed=seed) if searched else None
-    step()
     loaded = load_friction_table(effort, seed=seed)
     step()
     return Findings(
@@ -134,11 +125,9 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
             for name, decays in _DECAYS.items()
             for decay in decays
         },
-        mlp=mlp,
         subsets_of_four=of_four,
         figure_1=figure_1,
-        bound=takeoff_bound(effort) if effort.takeoffs else None,
-        subsets=subsets,
+        moving_share=float(np.mean([flown.moving.mean() for flown in fly_condition(TAKEOFF, TEST_NM)])),
         leaks=_leaks(training),
         moving=_moving(),
         load_friction=loaded,
@@ -220,8 +209,7 @@ def write_study(
     folder
         Output folder; created if it does not exist.
     quick
-        Use fewer networks, iterations and samples, and leave out the subset search: a
-        preview, whose numbers should not be quoted.
+        Use fewer networks, iterations and samples: a preview, whose numbers should not be quoted.
     seed, progress
         See :func:`find`.
 
@@ -266,13 +254,7 @@ def _tables(findings: Findings) -> dict[str, pd.DataFrame]:
     networks["chosen"] = np.concatenate(
         [np.arange(len(experiment.table)) == experiment.chosen for experiment in everything]
     )
-    left_out = {}
-    if findings.subsets:
-        _, search, _ = findings.subsets
-        names = [" ".join(np.array(KEYS)[subset]) for subset in search.subsets]
-        subsets = pd.DataFrame({"subset": names, "validation": 100 * search.scores})
-        left_out["subsets-of-twelve"] = subsets.sort_values("validation", ascending=False, kind="stable")
-    return left_out | {
+    return {
         "table-1": findings.table_1,
         "figure-15-chi-square": findings.chi_square,
         "figure-15-groups": findings.groups,

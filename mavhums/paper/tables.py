@@ -1,4 +1,4 @@
-"""Tables of the study: table 1, figure 15, groups of features, subsets; all results together."""
+"""Tables of the study: table 1, figure 15, groups of features; all results together."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
-from mavhums.core.arrays import Array, Flags
 from mavhums.core.quantities import KEYS, column
 from mavhums.learn import (
     ChiSquareRanking,
@@ -18,15 +17,10 @@ from mavhums.learn import (
     NetworkOptions,
     Scheme,
     Selection,
-    SubsetSearch,
     Vectors,
-    exhaustive_search,
-    genetic_search,
     network_objective,
     select_features,
 )
-from mavhums.learn.evaluation import hold_out
-from mavhums.learn.wrapper import Objective
 from mavhums.paper.cyclograms import (
     CHI_SQUARE,
     P_LEVELS,
@@ -39,7 +33,7 @@ from mavhums.paper.cyclograms import (
     CyclogramSamples,
     fly_condition,
 )
-from mavhums.paper.experiment import Bound, Effort, Experiment, emergency, run_experiment, samples
+from mavhums.paper.experiment import Effort, Experiment, emergency, run_experiment, samples
 from mavhums_sim.ema import DataSheet, EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 
@@ -129,48 +123,6 @@ def p_level_table() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def subset_table(
-    training: list[CyclogramSamples], test: list[CyclogramSamples], effort: Effort, *, seed: int
-) -> tuple[pd.DataFrame, SubsetSearch, SubsetSearch]:
-    """Score every subset of the twelve quantities, and repeat the search genetically.
-
-    Returns
-    -------
-    DataFrame
-        The best subsets, best first: validation accuracy (blocks of time held out of the training
-        flights), and test accuracy of the same network size for comparison only.
-    SubsetSearch, SubsetSearch
-        Exhaustive search, and the genetic search on the same scores.
-    """
-    random = np.random.default_rng(seed)
-    values, classes, numbers = samples(training)
-    count, iterations = effort.subset_samples, effort.subset_iterations
-    held_out, _ = hold_out(classes, numbers, random)
-    parts = [
-        Vectors(values[rows], classes[rows])
-        for rows in (
-            random.permutation(np.flatnonzero(~held_out))[:count],
-            random.permutation(np.flatnonzero(held_out))[: 2 * count],
-        )
-    ]
-
-    def objective(validation: Vectors) -> Objective:
-        options = NetworkOptions(max_iter=iterations, n_jobs=2)
-        return network_objective(parts[0], validation, random_state=seed, options=options)
-
-    search = exhaustive_search(objective(parts[1]), len(KEYS))
-    on_test = objective(Vectors(*samples(test, every=60_000 // (2 * count))[:2]))
-    order = np.argsort(-search.scores, kind="stable")[:15]
-    table = pd.DataFrame(
-        {
-            "subset": [" ".join(np.array(KEYS)[search.subsets[row]]) for row in order],
-            "validation": 100 * search.scores[order],
-            "test": 100 * on_test(search.subsets[order]),
-        }
-    )
-    return table, search, _genetic(search)
-
-
 def subsets_of_four(weight_decay: float, effort: Effort, *, seed: int) -> dict[tuple[str, ...], float]:
     """Return the test accuracy, %, of each subset of the paper's four inputs on the take-off.
 
@@ -191,15 +143,6 @@ def subsets_of_four(weight_decay: float, effort: Effort, *, seed: int) -> dict[t
     ]
     names = [tuple(np.array(SELECTED)[subset].tolist()) for subset in subsets]
     return dict(zip(names, (100 * np.max(scores, axis=0)).tolist(), strict=True))
-
-
-def _genetic(search: SubsetSearch) -> SubsetSearch:
-    known = {subset.tobytes(): score for subset, score in zip(search.subsets, search.scores, strict=True)}
-
-    def look_up(subsets: Flags) -> Array:
-        return np.array([known[subset.tobytes()] for subset in subsets])
-
-    return genetic_search(look_up, search.subsets.shape[1], evaluations=len(known) // 10)
 
 
 LOAD_FRICTION = 0.3
@@ -271,10 +214,10 @@ class Findings:
         Experiments, by cyclogram.
     decays
         Experiments on all inputs, the paper's and two, by cyclogram and weight decay.
-    mlp, subsets_of_four
-        :func:`mlp_accuracies` by inputs and weight decay, and :func:`subsets_of_four` by weight decay.
-    subsets
-        :func:`subset_table`; None if left out.
+    subsets_of_four
+        :func:`subsets_of_four` by weight decay.
+    moving_share
+        Share of the test samples of the take-off in which the actuator moves.
     leaks
         Leak of the command in the study's own data, and in classes flown with different cyclograms.
     load_friction, load_selection
@@ -290,11 +233,9 @@ class Findings:
     groups: pd.DataFrame
     experiments: dict[str, list[Experiment]]
     decays: Mapping[tuple[str, float], list[Experiment]]
-    mlp: dict[tuple[tuple[str, ...], float], Array]
     subsets_of_four: dict[float, dict[tuple[str, ...], float]]
     figure_1: dict[str, FigureOne]
-    bound: Bound | None
-    subsets: tuple[pd.DataFrame, SubsetSearch, SubsetSearch] | None
+    moving_share: float
     leaks: tuple[CommandLeak, CommandLeak]
     moving: pd.DataFrame
     load_friction: pd.DataFrame
