@@ -41,7 +41,8 @@ from mavhums.app.identify import identify
 from mavhums.core.errors import MavhumsError
 from mavhums.health.decision.baseline import PastRecord
 from mavhums.health.self_baseline.verdict import compare_with_own_flights
-from mavhums.paper.real import HEALTHY, rate, read_rig
+from mavhums.paper.real import rate
+from mavhums.paper.rig import HEALTHY, read_rig
 from mavhums.results.verdict import Indicator, Verdict
 
 SECTIONS = ("sheet", "own", "identify", "screw", "weak")

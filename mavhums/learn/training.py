@@ -202,11 +202,12 @@ def _chosen(
         for network, held_out in zip(trained.networks, trained.validation_accuracy.tolist(), strict=True)
     )
     place = int(trained.validation_loss.argmin())
-    best, hidden = candidates[place], [each.hidden for each in candidates]
+    best, hidden = candidates[place], {each.hidden for each in candidates}
+    sizes = " to ".join(map(str, sorted({min(hidden), max(hidden)})))
     right = 100 * trained.validation_accuracy
     options.tell(
-        f"networks: {len(candidates)} of {min(hidden)} to {max(hidden)} tanh neurons; the best with "
-        f"{best.hidden}: {right[place]:.2f} % of the {what} held out (median {np.median(right):.2f} %, "
+        f"networks: {len(candidates)} of {sizes} tanh neurons; the best with {best.hidden}: "
+        f"{right[place]:.2f} % of the {what} held out (median {np.median(right):.2f} %, "
         f"worst {right.min():.2f} %)"
     )
     return TrainingResult(

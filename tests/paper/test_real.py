@@ -12,7 +12,8 @@ from click.testing import CliRunner
 from mavhums.cli.main import cli
 from mavhums.core.errors import MavhumsError
 from mavhums.paper import real
-from mavhums.paper.real import FEATURES, LOADS, MIXED, RUNS, STAGES, Size, examples, read_rig, splits
+from mavhums.paper.real import LOADS, MIXED, RUNS, STAGES, Size, splits
+from mavhums.paper.rig import FEATURES, examples, read_rig
 
 pytestmark = pytest.mark.slow
 CONDITIONS = {"normal": 0.0, "play2": 0.15, "wear1": 0.05, "wear4": 0.3}
