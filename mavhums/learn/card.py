@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import AfterValidator, Field, JsonValue
+from pydantic import Field, JsonValue
 
 from mavhums.core.models import Contract
 
@@ -159,16 +159,7 @@ class Selection(Contract):
 
 
 FORMAT: Final = "mavhums.model/1"
-CLASSES: Final = ("normal", "emergency")
-"""The paper's two classes, by rising severity."""
-
 _Text = Annotated[str, Field(min_length=1)]
-
-
-def _told_apart(classes: tuple[str, ...]) -> tuple[str, ...]:
-    if len(set(classes)) != len(classes) or not set(CLASSES) <= set(classes):
-        raise ValueError("classes must be distinct, normal and emergency among them")
-    return classes
 
 
 class Calibration(Contract):
@@ -245,7 +236,7 @@ class Card(Contract):
     features
         Keys of the network's inputs, in order.
     classes
-        The conditions that the network tells apart, in the order of its probabilities.
+        The paper's two classes, in the order of the network's probabilities.
     tier
         Telemetry tier of the training data.
     conditions
@@ -270,7 +261,7 @@ class Card(Contract):
     name: _Text
     airframe: _Text
     features: Annotated[tuple[_Text, ...], Field(min_length=1)]
-    classes: Annotated[tuple[_Text, ...], AfterValidator(_told_apart)] = CLASSES
+    classes: tuple[Literal["normal"], Literal["emergency"]] = ("normal", "emergency")
     tier: _Text
     conditions: dict[str, JsonValue] = {}
     metrics: dict[str, float] = {}
