@@ -138,31 +138,23 @@ def _pilot() -> Array:
 
 
 @cache
-def _air(seed: int) -> Cyclogram:
+def _air() -> Cyclogram:
     """Return a take-off, whose gusts take longer to draw than its actuators to simulate."""
-    return takeoff(seed, _DURATION_S)
+    return takeoff(_SEED, _DURATION_S)
 
 
-def _takeoff(seed: int = _SEED) -> Array:
-    command: Array = np.degrees(_air(seed).commands[_SURFACE])
+def _takeoff() -> Array:
+    command: Array = np.degrees(_air().commands[_SURFACE])
     return command
 
 
-CYCLOGRAMS: dict[str, Callable[[], Array]] = {
-    TAKEOFF: _takeoff,
-    PILOT: _pilot,
-}
+CYCLOGRAMS: dict[str, Callable[[], Array]] = {TAKEOFF: _takeoff, PILOT: _pilot}
 """The command of each cyclogram, °, one value per millisecond."""
 
 
 @cache
 def _flown(cyclogram: str, friction_nm: float, load_friction: float) -> CyclogramSamples:
-    return _fly(CYCLOGRAMS[cyclogram](), friction_nm, _SEED, load_friction)
-
-
-def _fly(command_deg: Array, friction_nm: float, seed: int, load_friction: float = 0.0) -> CyclogramSamples:
-    command = np.radians(command_deg)
-    air = _air(seed)
+    command, air = np.radians(CYCLOGRAMS[cyclogram]()), _air()
     pressure = 0.5 * _AIR_DENSITY * air.airspeed**2
     parameters = replace(EmaParameters.from_data_sheet(integral_gain=400.0), load_friction=load_friction)
     motion = simulate(
@@ -172,7 +164,7 @@ def _fly(command_deg: Array, friction_nm: float, seed: int, load_friction: float
         pressure * _HINGE_PER_DEFLECTION,
         pressure * _HINGE_PER_INCIDENCE * air.incidence[_SURFACE],
     )
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(_SEED)
     times = sample_times(random, _DURATION_S, _RATE_HZ)
     values = sense(motion, parameters, times, random, SensorNoise.none())
     moving = np.abs(values[:, 9]) * 6 >= _MOVING_DEG_S

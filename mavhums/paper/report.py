@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Final
 
 import pandas as pd
@@ -165,19 +164,15 @@ def markdown_table(table: pd.DataFrame, digits: int = 2) -> str:
     --------
     >>> print(markdown_table(pd.DataFrame({"input": ["V2"], "test, %": [98.012]})))
     | input | test, % |
-    |---|---|
+    | --- | --- |
     | V2 | 98.01 |
     """
-    lines = [_row(table.columns), "|" + "---|" * len(table.columns)]
-    lines += [
-        _row(f"{cell:.{digits}f}" if isinstance(cell, float) else cell for cell in row)
+    body = [
+        [f"{cell:.{digits}f}" if isinstance(cell, float) else str(cell) for cell in row]
         for row in table.itertuples(index=False)
     ]
-    return "\n".join(lines)
-
-
-def _row(cells: Iterable[object]) -> str:
-    return f"| {' | '.join(str(cell) for cell in cells)} |"
+    rows = [map(str, table.columns), ["---"] * len(table.columns), *body]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
 def decay_table(findings: Findings) -> pd.DataFrame:

@@ -33,7 +33,7 @@ from mavhums.paper.cyclograms import (
     CyclogramSamples,
     fly_condition,
 )
-from mavhums.paper.experiment import Effort, Experiment, emergency, run_experiment, samples
+from mavhums.paper.experiment import Effort, Experiment, run_experiment, samples
 from mavhums_sim.ema import DataSheet, EmaParameters
 from mavhums_sim.motion import CONTROL_PERIOD_S, simulate
 
@@ -169,17 +169,11 @@ def load_friction_table(effort: Effort, *, seed: int) -> pd.DataFrame:
                     "trained at μ": f"{learned:g}",
                 }
                 for tested in (0.0, LOAD_FRICTION):
-                    flights = fly_condition(cyclogram, TEST_NM, tested)
-                    said = [
-                        network.p_first(flown.values[:, [column(key) for key in inputs]]) > 0.5
-                        for flown in flights
-                    ]
-                    right = [
-                        (one == emergency(flown)).mean() for one, flown in zip(said, flights, strict=True)
-                    ]
-                    row[f"right at μ {tested:g}"] = 100 * float(np.mean(right))
-                alarms = [one for one, flown in zip(said, flights, strict=True) if not emergency(flown)]
-                rows.append(row | {f"normal called emergency at μ {tested:g}": 100 * float(np.mean(alarms))})
+                    values, worn, _ = samples(fly_condition(cyclogram, TEST_NM, tested))
+                    said = network.p_first(values[:, [column(key) for key in inputs]]) > 0.5
+                    row[f"right at μ {tested:g}"] = 100 * float(np.mean(said == worn))
+                alarms = 100 * float(np.mean(said[~worn]))
+                rows.append(row | {f"normal called emergency at μ {tested:g}": alarms})
     return pd.DataFrame(rows)
 
 

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
 from itertools import count
-from typing import NamedTuple
 
 import numpy as np
 from pydantic import JsonValue
 
-from mavhums.actuator.profile import Actuator, Airframe, Limits
-from mavhums.core.arrays import Array, Flags, Integers
+from mavhums.actuator.profile import Airframe
+from mavhums.core.arrays import Array
 from mavhums.core.errors import MavhumsError
-from mavhums.core.quantities import KEYS, column
+from mavhums.core.quantities import column
 from mavhums.learn import (
     Calibration,
     Card,
-    CommandLeakWarning,
     Model,
     Network,
     PrecedentBase,
@@ -26,131 +22,25 @@ from mavhums.learn import (
     WindowNetwork,
     brier_score,
     calibrate,
-    check_command,
     expected_calibration_error,
     train_network,
 )
-from mavhums.paper.flights import (
-    RATES_HZ,
-    TELEMETRY,
-    Fleet,
-    History,
-    ModelOptions,
-    Training,
-    fly_fleet,
-    friction_range,
-    moving_samples,
-    windows,
-)
+from mavhums.paper.flights import TELEMETRY, ModelOptions, Training, moving_samples, windows
 from mavhums.paper.flown import CALIBRATES, MEASURES, TAUGHT, TRAINS, FlownFlights
+from mavhums.paper.samples import (
+    Labelled,
+    both_classes,
+    examples_of,
+    middle_of,
+    of_precedents,
+    simulated_conditions,
+    training_samples,
+    whole_range,
+)
 from mavhums.paper.windows import flight_counts, train_window_network
-from mavhums_sim.cyclogram import SURFACES
-from mavhums_sim.manoeuvres import CYCLOGRAMS
 
-_EVERY = 20
-_WORKING = 20  # moving samples of a window in which a network is asked at all
-
-
-class Labelled(NamedTuple):
-    """An actuator's flight, whether it is an emergency, and whether that is sure.
-
-    It is not of a friction between the limits, and of a fault that is none of the friction.
-    """
-
-    actuator: Actuator
-    history: History
-    flight: int
-    emergency: bool
-    clear: bool = True
-
-
-def of_precedents(flown: FlownFlights, part: int) -> Iterator[Labelled]:
-    """Read the precedents of a part; their flights are below zero, and two labels are classes of samples."""
-    for each in flown.read(part):
-        faulty, clear = each.label != "normal", each.label in TAUGHT
-        yield Labelled(each.actuator, each, -1 - each.flight, faulty, clear)
-
-
-def both_classes(training: Training) -> Iterator[Labelled]:
-    """Fly the flights of each class, over the same cyclograms."""
-    limits, flights = training.actuator.known_limits(), training.options.flights
-    low, high = friction_range(limits)
-    fleet = Fleet(training.actuator, training.telemetry, 1_000_000 * training.options.seed)
-    random, size = np.random.default_rng(fleet.seed), (flights, len(SURFACES))
-    healthy, worn = random.uniform(low, limits.normal, size), random.uniform(limits.emergency, high, size)
-    cyclograms = 2 * [fleet.cyclograms[k % len(fleet.cyclograms)] for k in range(flights)]
-    return _fly(training, replace(fleet, cyclograms=cyclograms), np.concatenate([healthy, worn]))
-
-
-def whole_range(training: Training, part: int) -> Iterator[Labelled]:
-    """Fly frictions over the whole range, all cyclograms and rates."""
-    seed = 1_000_000 * training.options.seed + _SEEDS[part]
-    shape = (2 * training.options.flights, len(SURFACES))
-    random, total = np.random.default_rng(seed), shape[0] * shape[1]
-    low, high = friction_range(training.actuator.known_limits())
-    frictions = low + (high - low) * (random.permutation(total) + random.random(total)) / total
-    fleet = Fleet(training.actuator, training.telemetry, seed, rates_hz=RATES_HZ)
-    return _fly(training, fleet, frictions.reshape(shape))
-
-
-def _fly(training: Training, fleet: Fleet, frictions: Array) -> Iterator[Labelled]:
-    limits = fleet.actuator.known_limits()
-    for k, flown in enumerate(fly_fleet(fleet, frictions)):
-        clear = not limits.normal < flown.friction_nm < limits.emergency
-        yield Labelled(fleet.actuator, flown, flown.flight, flown.friction_nm > middle_of(limits), clear)
-        if k % len(SURFACES) == 0:
-            training.tick()
-
-
-def middle_of(limits: Limits) -> float:
-    """Return the friction between the limits from which on a simulated actuator is an emergency, N·m."""
-    return (limits.normal + limits.emergency) / 2
-
-
-def training_samples(
-    flights: Iterable[Labelled], keys: Sequence[str], source: str, say: Callable[[str], None]
-) -> tuple[Array, Flags, Integers]:
-    """Return every twentieth sample in motion that carries some quantities; check the command for a leak.
-
-    Parameters
-    ----------
-    flights
-        Flights; those that are neither of the two classes surely count for the leak alone.
-    keys
-        The quantities that a sample must carry.
-    source, say
-        What the flights are, and what is called with a line about them.
-
-    Returns
-    -------
-    tuple of NDArray
-        V1…V12 (n, 12), whether each sample is of an emergency (n,), and its flight (n,).
-
-    Warns
-    -----
-    CommandLeakWarning
-        If the command leaks the class.
-    """
-    inputs = [column(key) for key in keys]
-    values, facts = [np.empty((0, len(KEYS)))], [np.empty((0, 4), dtype=np.int64)]
-    for number, each in enumerate(flights):
-        moving, _ = moving_samples(each.actuator, each.history)
-        values.append(moving[np.isfinite(moving[:, inputs]).all(axis=1)][::_EVERY])
-        facts.append(np.tile((each.emergency, each.flight, number, each.clear), (len(values[-1]), 1)))
-    samples, (faulty, flight, unit, clear) = np.concatenate(values), np.concatenate(facts).T
-    commanded = np.isfinite(samples[:, 0])
-    leak = ""
-    if len(np.unique(faulty[commanded])) == 2:
-        # Whole flights are relabelled; single actuators only where those of one flight differ in their class.
-        alike = len(np.unique([flight, faulty], axis=1).T) == len(np.unique(flight))
-        units = flight if alike else unit
-        found = check_command(samples[commanded, 0], faulty[commanded], units[commanded])
-        chance = "" if found.p_value is None else f" (p {found.p_value:.2g})"
-        leak = f"; their command has Cramér's V {found.cramers_v:.2f} with the class{chance}"
-    taught = clear > 0
-    worn = int(faulty[taught].sum())
-    say(f"samples of {source}: {taught.sum() - worn} normal, {worn} friction_emergency{leak}")
-    return samples[taught], faulty[taught] > 0, flight[taught]
+_WORKING = 20
+"""Moving samples of a window in which a network is asked at all."""
 
 
 class _Answers:
@@ -204,9 +94,6 @@ def calibrated(
         metrics[name] = round(score(said, second.event), 6)
     return fitted.model_copy(update={"event": event, "metrics": metrics}), second.metrics(said)
 
-
-_SEEDS = {CALIBRATES: 200_000, MEASURES: 400_000}
-"""Added to the seed; seeds of training flights are below both."""
 
 Progress = Callable[[int, int], None]
 
@@ -294,7 +181,7 @@ def train_model(
             progress(next(step), steps)
 
     training = Training(actuator, options, flown, tell or (lambda _: None), tick)
-    given, conditions = "", _simulated(actuator, options.flights)
+    given, conditions = "", simulated_conditions(actuator, options.flights)
     if flown and precedents:
         given = f" --precedents {precedents.folder.name} --flown-weight {options.flown_weight:g}"
         conditions |= {"precedent_logs": flown.logs.tolist(), "flown_weight": options.flown_weight}
@@ -348,38 +235,10 @@ def _sample_network(training: Training) -> tuple[TrainingResult[Network], dict[s
         # An ESC's telemetry leaves some samples without a sign: what most samples carry is learned from.
         carried = 2 * np.isfinite(groups[-1][0]).sum(axis=0) >= max(len(groups[-1][0]), 1)
         keys = tuple(key for key in keys if carried[column(key)])
-    samples, classes, flight, keys, leaking = _examples(groups, keys)
+    samples, classes, flight, keys, leaking = examples_of(groups, keys)
     weights = np.where(flight < 0, training.options.flown_weight, 1.0)
     result = train_network(samples, classes, flight, training.stages(keys), weights=weights)
     return result, {**training.telemetry.withheld, **leaking}
-
-
-_POSITIONS = ("V1", "V2")
-"""Quantities that follow the command: they are offered where their distributions show no class."""
-
-
-def _examples(
-    groups: Sequence[tuple[Array, Flags, Integers]], keys: tuple[str, ...]
-) -> tuple[Array, Flags, Integers, tuple[str, ...], dict[str, str]]:
-    """Return samples, classes and flights that carry all keys, the keys on offer, and why others are not."""
-    samples, classes, flight = (np.concatenate(parts) for parts in zip(*groups, strict=True))
-    whole = np.isfinite(samples[:, [column(key) for key in keys]]).all(axis=1)
-    samples, classes, flight = samples[whole], classes[whole], flight[whole]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CommandLeakWarning)
-        leaking = {
-            key: "its distribution differs between the classes"
-            for key in _POSITIONS
-            if key in keys and check_command(samples[:, column(key)], classes, flight).leaks
-        }
-    keys = tuple(key for key in keys if key not in leaking)
-    if not keys or len(np.unique(classes)) < 2:
-        raise MavhumsError(
-            "the samples in motion carry no quantity in common, or are all of one class",
-            "add logs with the same telemetry, normal ones and ones labelled friction_emergency; without "
-            "[actuators.ema] they must carry V10",
-        )
-    return samples, classes, flight, keys, leaking
 
 
 _ALONE = 4
@@ -409,19 +268,3 @@ def _metrics_text(metrics: dict[str, float], source: str) -> str:
         f"({percent['samples_in_motion_abstained']} abstained), {percent['windows_right']} of the windows "
         f"({percent['windows_in_motion_abstained']} abstained)"
     )
-
-
-def _simulated(actuator: Actuator, flights: int) -> dict[str, JsonValue]:
-    """Return the training conditions of simulated flights."""
-    if not flights:
-        return {}
-    limits = actuator.known_limits()
-    low, high = friction_range(limits)
-    return {
-        "cyclograms": [*CYCLOGRAMS],
-        "flights_per_class": flights,
-        "friction_normal_nm": [round(low, 4), round(limits.normal, 4)],
-        "friction_emergency_nm": [round(limits.emergency, 4), round(high, 4)],
-        "actuators": "individuals with two masses, four a flight",
-        "samples": "every twentieth moving sample at 100 Hz",
-    }

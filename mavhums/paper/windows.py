@@ -134,7 +134,8 @@ def fly_windows(
         rate = RATES_HZ[number // len(CYCLOGRAMS) % len(RATES_HZ)]
         group = _fly_group(actuator, classes, random, mode, rate, seed + 10 * number)
         for label, severity, record, signed in group:
-            sums, ends = _sums(actuator, telemetry, record, signed=signed)
+            seen = reported(actuator, telemetry, record, signed=signed)
+            sums, ends = _sums_of(actuator, record.time_s, *seen)
             asked = shows_something(sums)
             if classes[label] == "supply_sag":
                 asked &= _limited(record, ends, actuator, severity)
@@ -207,17 +208,11 @@ def _draw(
 ) -> tuple[float, float, tuple[Condition, ...]]:
     """Return a severity of a condition, the friction, and the simulator's faults."""
     low, normal = friction_range(limits)[0], limits.normal
-    between = dict(
-        zip(
-            _FRICTION,
-            (
-                (low, normal),
-                (normal, limits.emergency),
-                (limits.emergency, _WORST_PER_LIMIT * limits.emergency),
-            ),
-            strict=True,
-        )
-    )
+    between = {
+        "normal": (low, normal),
+        "friction_degraded": (normal, limits.emergency),
+        "friction_emergency": (limits.emergency, _WORST_PER_LIMIT * limits.emergency),
+    }
     friction = random.uniform(*between.get(name, (low, normal)))
     winding = Condition.constant("resistance", random.uniform(0.0, _RESISTANCE))
     if name in between:
@@ -227,13 +222,6 @@ def _draw(
     signed = severity * random.choice([-1.0, 1.0]) if name == "sensor_bias" else severity
     own = Condition.constant(fault, signed)
     return severity, friction, (own,) if fault == "resistance" else (winding, own)
-
-
-def _sums(
-    actuator: Actuator, telemetry: Telemetry, record: ActuatorRecord, *, signed: bool
-) -> tuple[Array, Integers]:
-    """Return the sums of a simulated flight's windows, and their ends, as :func:`_sums_of` does."""
-    return _sums_of(actuator, record.time_s, *reported(actuator, telemetry, record, signed=signed))
 
 
 def _sums_of(

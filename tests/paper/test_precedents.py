@@ -18,7 +18,7 @@ from mavhums.core.errors import MavhumsError
 from mavhums.learn import CommandLeakWarning, PrecedentBase, load_model
 from mavhums.learn.precedents import LABELS, Provenance, label_of
 from mavhums.paper.flown import CALIBRATES, MEASURES, TRAINS, FlownFlights
-from mavhums.paper.train import of_precedents, training_samples
+from mavhums.paper.samples import of_precedents, training_samples
 from mavhums_sim import Flight, fly, write_tlog
 from mavhums_sim.cyclogram import SURFACES
 

@@ -161,7 +161,7 @@ def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("mavhums.paper.windows.fly", shorter)
     monkeypatch.setattr("mavhums.paper.train.windows", lambda *_: iter([(None, 0)]))
     # A command that differs between the classes is not offered.
-    monkeypatch.setattr("mavhums.paper.train.check_command", lambda *_: CommandLeak(1.0, 0.001, True))
+    monkeypatch.setattr("mavhums.paper.samples.check_command", lambda *_: CommandLeak(1.0, 0.001, True))
     said: list[str] = []
     options = ModelOptions(flights=1, scheme=Scheme(networks=1, vectors=100))
     _, card, _ = train_model(AIRFRAME, options, tell=said.append)
