@@ -86,12 +86,9 @@ def calibrated(
         "windows_calibrated_with": len(first.share),
         "windows_measured": len(second.share),
     }
-    for name, score in (
-        ("brier_score", brier_score),
-        ("expected_calibration_error", expected_calibration_error),
-    ):
-        metrics[f"{name}_of_the_share"] = round(score(second.share, second.event), 6)
-        metrics[name] = round(score(said, second.event), 6)
+    for score in (brier_score, expected_calibration_error):
+        metrics[f"{score.__name__}_of_the_share"] = round(score(second.share, second.event), 6)
+        metrics[score.__name__] = round(score(said, second.event), 6)
     return fitted.model_copy(update={"event": event, "metrics": metrics}), second.metrics(said)
 
 
@@ -200,9 +197,9 @@ def train_model(
 
     def labelled(part: int) -> Iterator[Labelled]:
         _, own = training.sources(part, held_out=by_flown)
-        return (
-            (each for each in of_precedents(own, part) if each.clear) if own else whole_range(training, part)
-        )
+        if own is None:
+            return whole_range(training, part)
+        return (each for each in of_precedents(own, part) if each.clear)
 
     event = (
         "the label friction_emergency, not normal, of precedents"
