@@ -94,9 +94,8 @@ class Experiment:
     cyclogram, inputs
         The cyclogram, and the networks' input quantities.
     table
-        A row for each network: hidden, training and test accuracy in %, loss, iterations.
-    chosen
-        Row of the network with the smallest training loss. The choice uses no test data.
+        A row for each network: hidden, training and test accuracy in %, loss, iterations, and whether it is
+        chosen, by the smallest training loss. The choice uses no test data.
     network
         The chosen network.
     ensemble_test, ensemble_spread
@@ -113,7 +112,6 @@ class Experiment:
     cyclogram: str
     inputs: tuple[str, ...]
     table: pd.DataFrame
-    chosen: int
     network: TanhNetwork
     ensemble_test: float
     ensemble_spread: float
@@ -134,7 +132,7 @@ class Experiment:
     @property
     def without_test_data(self) -> float:
         """Test accuracy of the chosen network, %."""
-        return float(self.table["test"].iloc[self.chosen])
+        return float(self.table.loc[self.table["chosen"], "test"].iloc[0])
 
     def test_mean(self, name: str) -> float:
         """Return the mean over the test flights of a column of :attr:`flights`."""
@@ -192,6 +190,7 @@ def run_experiment(
             "test": member_scores(test),
             "loss": ensemble.losses_,
             "iterations": ensemble.n_iter_,
+            "chosen": np.arange(effort.networks) == ensemble.best_,
         }
     )
     network = ensemble.networks_[ensemble.best_]
@@ -201,7 +200,6 @@ def run_experiment(
         cyclogram=cyclogram,
         inputs=inputs,
         table=table,
-        chosen=ensemble.best_,
         network=network,
         ensemble_test=100 * float(np.mean(together)),
         ensemble_spread=float(np.mean(spread)),

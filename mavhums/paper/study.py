@@ -239,28 +239,21 @@ def write_study(
 
 
 def _tables(findings: Findings) -> dict[str, pd.DataFrame]:
-    everything = [experiment for part in findings.experiments.values() for experiment in part]
-
     def joined(name: str) -> pd.DataFrame:
-        parts = []
-        for experiment in everything:
-            part: pd.DataFrame = getattr(experiment, name).copy()
-            part.insert(0, "inputs", " ".join(experiment.inputs))
-            part.insert(0, "cyclogram", experiment.cyclogram)
-            parts.append(part)
-        return pd.concat(parts, ignore_index=True)
+        tables: dict[tuple[str, str], pd.DataFrame] = {
+            (experiment.cyclogram, " ".join(experiment.inputs)): getattr(experiment, name)
+            for part in findings.experiments.values()
+            for experiment in part
+        }
+        return pd.concat(tables, names=["cyclogram", "inputs"]).reset_index(level=[0, 1])
 
-    networks = joined("table")
-    networks["chosen"] = np.concatenate(
-        [np.arange(len(experiment.table)) == experiment.chosen for experiment in everything]
-    )
     return {
         "table-1": findings.table_1,
         "figure-15-chi-square": findings.chi_square,
         "figure-15-groups": findings.groups,
         "weight-decay": decay_table(findings),
         "statements": statement_table(findings),
-        "networks": networks,
+        "networks": joined("table"),
         "flights": joined("flights"),
         "moving-fraction": findings.moving,
         "load-friction": findings.load_friction,
