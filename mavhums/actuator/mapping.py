@@ -213,7 +213,7 @@ class ActuatorMapper:
             for key, times, most in zip(KEYS, used.max(axis=0), used.argmax(axis=0), strict=True):
                 if times:
                     origin = self.aligner.sources[most]
-                    fields[key] = f"{origin.source}.{origin.fields[key]}"
+                    fields[key] = f"{origin.name}.{origin.fields[key]}"
         merged = {key: source for key, source in fields.items() if key not in self.deriver.dropped}
         for key, how in self.deriver.derived.items():
             if "{" in how or key not in fields:  # the braces name a quantity whose field is meant

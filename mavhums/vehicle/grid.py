@@ -11,7 +11,7 @@ signal are streams of their own; the best one is used (:mod:`mavhums.vehicle.sig
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, NamedTuple
@@ -69,11 +69,29 @@ class Stream(NamedTuple):
         return cls(signal.name, signal.rank, signal.source)
 
 
+class Arrivals(NamedTuple):
+    """New samples of a stream: places in the log, (n,), increasing, and times, s, (n,).
+
+    Attributes
+    ----------
+    stamped
+        Whether the samples carry their own times; nothing waits for those without.
+    interpolated
+        Whether a sample also answers for the times before it.
+    """
+
+    stream: Hashable
+    frame: Integers
+    time_s: Array
+    stamped: bool = True
+    interpolated: bool = True
+
+
 class Order:
-    """Decides which samples of one vehicle's streams come in time, in the order of the log."""
+    """Decides which samples of several streams come in time, in the order of the log."""
 
     def __init__(self) -> None:
-        self._places: dict[Stream, int] = {}
+        self._places: dict[Hashable, int] = {}
         self._counts = np.zeros((_STREAMS, len(Received._fields)), dtype=np.int64)
         self._newest, self._heard = np.full(_STREAMS, -np.inf), np.full(_STREAMS, -np.inf)
         self._kinds = np.ones((_STREAMS, 2), dtype=np.bool_)
@@ -89,26 +107,26 @@ class Order:
         """Flight time of the newest sample of any stream; minus infinity before the first."""
         return float(self._state[_NEWEST])
 
-    def received(self, stream: Stream) -> Received:
+    def received(self, stream: Hashable) -> Received:
         """Return the numbers of a stream's samples so far."""
         return Received(*self._counts[self._places[stream]].tolist())
 
-    def feed(self, signals: Sequence[Signal], times: Sequence[Array]) -> list[Flags]:
-        """Return, of each signal, which samples come in time; ``times`` are flight times, s."""
-        if not signals:
+    def feed(self, arrivals: Sequence[Arrivals]) -> list[Array]:
+        """Return, for each sample, the time that was settled before it; NaN for one that does not count."""
+        if not arrivals:
             return []
-        edges = np.cumsum([0, *(time_s.size for time_s in times)])
-        places = [self._places.setdefault(Stream.of(signal), len(self._places)) for signal in signals]
-        for signal, place in zip(signals, places, strict=True):
-            self._kinds[place] = signal.stamped, signal.name in CONTINUOUS
-        stream = np.repeat(places, [signal.frame.size for signal in signals])
-        order = np.argsort(np.concatenate([signal.frame for signal in signals]), kind="stable")
-        kept = np.zeros(stream.size, dtype=np.bool_)
-        kept[order] = _follow(
-            stream[order], np.concatenate(times)[order],
+        edges = np.cumsum([0, *(new.frame.size for new in arrivals)])
+        places = [self._places.setdefault(new.stream, len(self._places)) for new in arrivals]
+        for new, place in zip(arrivals, places, strict=True):
+            self._kinds[place] = new.stamped, new.interpolated
+        stream = np.repeat(places, np.diff(edges))
+        order = np.argsort(np.concatenate([new.frame for new in arrivals]), kind="stable")
+        settled = np.empty(stream.size)
+        settled[order] = _follow(
+            stream[order], np.concatenate([new.time_s for new in arrivals])[order],
             self._kinds, self._newest, self._heard, self._counts, self._state,
         )  # fmt: skip
-        return [kept[a:b] for a, b in pairwise(edges)]
+        return [settled[a:b] for a, b in pairwise(edges)]
 
 
 @kernel
@@ -120,8 +138,8 @@ def _follow(
     heard: Array1,
     counts: Integers2,
     state: Array1,
-) -> Flags:
-    kept = np.zeros(stream.size, dtype=np.bool_)
+) -> Array:
+    settled = np.full(stream.size, np.nan)
     for row in range(stream.size):
         k, time = stream[row], time_s[row]
         stamped = kinds[k, 0]
@@ -133,7 +151,7 @@ def _follow(
             counts[k, _LATE] += 1
         else:
             counts[k, _KEPT] += 1
-            kept[row] = True
+            settled[row] = state[_SETTLED]
         newest[k] = max(newest[k], time)
         if time > state[_NEWEST]:
             state[_CLOCK] += min(time - state[_NEWEST], _LEAP_S)
@@ -143,7 +161,7 @@ def _follow(
             state[_NEWEST_STAMPED] = max(state[_NEWEST_STAMPED], time)
         reach = _reach(kinds, newest, heard, state)
         state[_SETTLED] = max(state[_SETTLED], np.floor(reach))
-    return kept
+    return settled
 
 
 @subroutine
@@ -299,12 +317,23 @@ class Grid:
         return found
 
     def _take(self, signals: Sequence[Signal]) -> None:
-        times = [(signal.time_us - self._start_us) / 1e6 for signal in signals]
-        for signal, time_s, good in zip(signals, times, self._order.feed(signals, times), strict=True):
-            columns = signal.values.shape[1]
+        arrivals = [
+            Arrivals(
+                Stream.of(signal),
+                signal.frame,
+                (signal.time_us - self._start_us) / 1e6,
+                signal.stamped,
+                signal.name in CONTINUOUS,
+            )
+            for signal in signals
+        ]
+        for signal, new, settled_s in zip(signals, arrivals, self._order.feed(arrivals), strict=True):
+            columns, good = signal.values.shape[1], ~np.isnan(settled_s)
             old = self._kept.get(Stream.of(signal), (np.empty(0), np.empty((0, columns))))
-            new = time_s[good], signal.values[good]
-            self._kept[Stream.of(signal)] = np.concatenate([old[0], new[0]]), np.concatenate([old[1], new[1]])
+            self._kept[Stream.of(signal)] = (
+                np.concatenate([old[0], new.time_s[good]]),
+                np.concatenate([old[1], signal.values[good]]),
+            )
 
     def _heard(self, reach: float) -> Integers:
         """Return the settled seconds that contain or adjoin a sample of the attitude or of an output."""

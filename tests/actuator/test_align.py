@@ -61,6 +61,7 @@ def test_the_current_gives_the_clock_and_others_are_interpolated(
 ) -> None:
     sizes = [float(k) for k in range(len(current[0]))]
     times, values = align([[reading(4, *current, sizes), reading(0, *command)]])
+    times, values = times[times >= current[1][0]], values[times >= current[1][0]]
     assert times.tolist() == current[1]
     assert values[:, 4].tolist() == sizes
     np.testing.assert_allclose(values[:, 0], expected)
@@ -157,60 +158,55 @@ def test_memory_does_not_grow_whether_or_not_the_clock_falls_silent(clock_speaks
     assert aligner.kept < 700
 
 
-def settled_by(batches: list[list[Reading]]) -> list[list[float]]:
-    """The times that each batch settles, in milliseconds."""
-    aligner = Aligner(TRUST, 0.05)
-    return [[time / 1000 for part in aligner.feed(batch) for time in part.utc_us] for batch in batches]
+def settled_by(batches: list[list[Reading]]) -> list[float]:
+    """The time of the latest sample that is final after each batch, s; −1 before any."""
+    aligner, latest, out = Aligner(TRUST, 0.05), -1.0, []
+    for batch in batches:
+        for part in aligner.feed(batch):
+            latest = float(part.utc_us[-1]) / 1e6
+        out.append(latest)
+    return out
 
 
 def test_a_source_alone_is_not_kept_waiting() -> None:
-    """Once ten seconds have shown what sources there are."""
-    batches = [[reading(4, [k], [100 * k], [1.0])] for k in range(140)]
-    settled = settled_by(batches)
-    assert settled[:100] == [[]] * 100
-    assert settled[100] == [100 * k for k in range(101)]
-    assert settled[101:] == [[100 * k] for k in range(101, 140)]
+    """Once ten seconds have shown what sources there are, a second is final when it has passed."""
+    settled = settled_by([[reading(4, [k], [100 * k], [1.0])] for k in range(140)])
+    assert settled[:90] == [-1.0] * 90
+    assert settled[100:] == [k // 10 - 0.1 for k in range(100, 140)]
 
 
-@pytest.mark.parametrize("has_all", [False, True])
-def test_a_sample_waits_for_the_source_that_gives_what_it_lacks(has_all: bool) -> None:
-    current = [
-        [both(2 * k, 100 * k) if has_all else reading(4, [2 * k], [100 * k], [1.0])] for k in range(140)
-    ]
-    command = [[reading(0, [2 * k + 1], [100 * k + 30], [2.0])] for k in range(140)]
-    settled = settled_by([batch for pair in zip(current, command, strict=True) for batch in pair])
-    assert settled[220:222] == ([[11_000], []] if has_all else [[], [11_000]])
+def test_a_second_waits_for_every_source_that_speaks() -> None:
+    current = [[reading(4, [k], [100 * k], [1.0])] for k in range(200)]
+    command = reading(0, range(200, 316), [100 * k for k in range(116)], [2.0] * 116)
+    later = reading(0, [316], [14_030], [2.0])
+    early = reading(0, [317], [13_000], [2.0])
+    settled = settled_by([[reading(0, [0], [0], [2.0])], *current, [command], [later], [early]])
+    assert settled[-5:] == [-1.0, -1.0, 10.9, 13.9, 13.9]
 
 
 def test_nothing_waits_for_a_source_that_died() -> None:
     batches = [[reading(0, [0, 1], [0, 5000], [2.0, 2.0])]]
     batches += [[reading(4, [k + 2], [100 * k], [1.0])] for k in range(800)]
     settled = settled_by(batches)
-    assert settled[1 + 200] == []  # 20 s: it may still come
-    assert settled[1 + 400] == [10_000]  # none waits longer than the horizon
-    assert settled[1 + 700 :] == [[100 * k] for k in range(700, 800)]
+    assert settled[1 + 340] == 4.9  # it may still come
+    assert settled[1 + 351] == 34.9  # none waits longer than the horizon
+    assert settled[1 + 700 :] == [k // 10 - 0.1 for k in range(700, 800)]
 
 
-def both(frame: int, time_ms: int) -> Reading:
-    """A message that carries command and current."""
-    values, fields = in_columns(["V1", "V5"], np.array([[1.0, 2.0]])), {"V1": "x", "V5": "y"}
-    at, times_us = np.array([frame]), np.array([time_ms * 1000])
-    return Reading(1, ACTUATOR, "both", "instrumented", fields, at, times_us, values)
+@pytest.mark.parametrize("step", [1, 7, 200])
+def test_what_comes_after_its_second_is_settled_does_not_count(step: int) -> None:
+    """It is the same whether the rest came at once or in parts."""
 
-
-@pytest.mark.parametrize("behind_ms", [120_000, 142_500, 155_000])
-@pytest.mark.parametrize("step", [7, 10, 13])
-def test_what_was_forgotten_while_the_clock_was_silent_never_counts(behind_ms: int, step: int) -> None:
-    """A sample seconds behind the rest is the same whether the rest came at once or in parts."""
-    first = reading(4, [0], [0], [1.0])
-
-    def command(start: int, end: int) -> Reading:
-        numbers = range(start, min(end, 200))
+    def command(first: int, end: int) -> Reading:
+        numbers = range(first, min(end, 200))
         return reading(0, [n + 1 for n in numbers], [1000 * n for n in numbers], [float(n) for n in numbers])
 
-    behind = reading(4, [500], [behind_ms], [1.0])
-    at_once = align([[first, command(0, 200)], [behind]])
-    in_parts = align([[first], *([command(n, n + step)] for n in range(0, 200, step)), [behind]])
-    assert at_once[0].tolist() == in_parts[0].tolist() == [0, behind_ms]
-    assert np.isnan(at_once[1][1]).all()
-    assert np.isnan(in_parts[1][1]).all()
+    aligner, times = Aligner(TRUST, 0.05), []
+    batches = [reading(4, [0], [0], [1.0])]
+    batches += [command(n, n + step) for n in range(0, 200, step)]
+    batches.append(reading(4, [500, 501], [155_000, 199_500], [1.0, 1.0]))
+    for batch in batches:
+        times += [part.utc_us for part in aligner.feed([batch])]
+    times += [part.utc_us for part in aligner.feed([], final=True)]
+    assert np.concatenate(times).tolist() == [0, 199_500_000]
+    assert aligner.late == 1

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mavhums.vehicle.facts import Signal
-from mavhums.vehicle.grid import HORIZON_S, RATE_HZ, Grid, Order, Received
+from mavhums.vehicle.grid import HORIZON_S, RATE_HZ, Arrivals, Grid, Order, Received
 from tests.present import present
 from tests.strategies import cuts
 
@@ -87,7 +87,7 @@ def test_a_healthy_link_settles_a_second_when_all_streams_have_passed_it() -> No
     order = Order()
     for name, time in arrivals({name: even(4.0, 40.0) for name in COLUMNS}, {}):
         row = signals([(name, time)])
-        order.feed(row, [row[0].time_us / 1e6])
+        order.feed([Arrivals(name, row[0].frame, row[0].time_us / 1e6)])
         if time > 11.0:
             assert time - order.complete_until_s < 1.3
 
@@ -97,7 +97,7 @@ def test_a_stream_that_has_died_is_waited_for_within_the_horizon_only() -> None:
     order, waited = Order(), []
     for name, time in arrivals(times, {}):
         row = signals([(name, time)])
-        order.feed(row, [row[0].time_us / 1e6])
+        order.feed([Arrivals(name, row[0].frame, row[0].time_us / 1e6)])
         waited.append(time - order.complete_until_s)
     assert 25.0 < max(waited[80:]) <= HORIZON_S + 1.0
     assert waited[-1] < 1.3
