@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 
 MAGNITUDES = [column(key) for key in ("V4", "V5", "V7")]
 """Columns of the quantities that some sources give without their sign."""
-_UNCOUNTED = 20  # blocks whose origins are kept before they are counted together
 _DERIVED = {"V4": ("V6",), "V5": ("V6", "V8", "V9"), "V7": ("V2", "V3", "V9", "V10", "V12")}
 _FOLLOWS = [(column(source), [column(key) for key in derived]) for source, derived in _DERIVED.items()]
 """What the deriver computes from a quantity: when that is refused, so are these."""
@@ -120,8 +118,7 @@ class ActuatorMapper:
         self.one_servo = OneServo()
         self.travel = Travel() if actuator.travel_deg is None and "V1" not in actuator.fields else None
         self.tier: str | None = None
-        self._used = np.zeros((0, len(KEYS)), dtype=np.int64)
-        self._origins: list[NDArray[np.int8]] = []
+        self._used: list[Integers] = []  # values of each quantity from each source
 
     def feed(
         self, readings: Sequence[Reading], *, loose: Integers | None, final: bool
@@ -154,9 +151,10 @@ class ActuatorMapper:
     def _note(self, aligned: Aligned) -> None:
         """Record the source of each quantity."""
         self.tier = aligned.tier
-        self._origins.append(aligned.origin)
-        if len(self._origins) > _UNCOUNTED:
-            self.used()
+        for place in range(len(self.aligner.sources)):
+            if place == len(self._used):
+                self._used.append(np.zeros(len(KEYS), dtype=np.int64))
+            self._used[place] += np.count_nonzero(aligned.origin == place, axis=0)
 
     def _not_evidence(self, aligned: Aligned, measured: Flags) -> Flags | None:
         """Return which values are no evidence, with those that follow from them; None if none is refused."""
@@ -169,19 +167,6 @@ class ActuatorMapper:
         if not aligned.signed:
             refused[:, column("V4")] |= refused[:, column("V5")]
         return refused
-
-    def used(self) -> Integers:
-        """Return the number of values of each quantity from each source, shape (sources, 12)."""
-        missing = len(self.aligner.sources) - len(self._used)
-        if missing:
-            self._used = np.vstack([self._used, np.zeros((missing, len(KEYS)), dtype=np.int64)])
-        if self._origins:
-            origin = np.concatenate(self._origins).astype(np.int64)
-            self._origins.clear()
-            place = (origin + 1) * len(KEYS) + np.arange(len(KEYS))
-            counts = np.bincount(place.ravel(), minlength=(len(self._used) + 1) * len(KEYS))
-            self._used += counts.reshape(-1, len(KEYS))[1:]
-        return self._used
 
     @property
     def obstacle(self) -> Reason | None:
@@ -207,13 +192,12 @@ class ActuatorMapper:
     @property
     def provenance(self) -> dict[str, str]:
         """The message field that gave each quantity most often, or its derivation."""
-        used = self.used()
         fields: dict[str, str] = {}
-        if len(used):
-            for key, times, most in zip(KEYS, used.max(axis=0), used.argmax(axis=0), strict=True):
-                if times:
-                    origin = self.aligner.sources[most]
-                    fields[key] = f"{origin.name}.{origin.fields[key]}"
+        for key in KEYS:
+            used = [int(counts[column(key)]) for counts in self._used]
+            if any(used):
+                origin = self.aligner.sources[used.index(max(used))]
+                fields[key] = f"{origin.name}.{origin.fields[key]}"
         merged = {key: source for key, source in fields.items() if key not in self.deriver.dropped}
         for key, how in self.deriver.derived.items():
             if "{" in how or key not in fields:  # the braces name a quantity whose field is meant

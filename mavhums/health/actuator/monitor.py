@@ -44,8 +44,6 @@ from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
-_MOST_WAITING = 64  # blocks: bounds the memory where the clock stands still
-
 MonitorEvent = Window | ConditionChanged | Indication
 
 
@@ -104,7 +102,6 @@ class Monitor:
         self.actuator = actuator
         self._networks = networks
         self._cutter = SlotCutter()
-        self._waiting: list[tuple[Array, Array]] = []
         # With all constants and limits the data sheet decides; a current at the bus is another quantity than
         # the motor's.
         open_limits = bool(actuator.blanks) or actuator.esc_side == "bus"
@@ -122,7 +119,7 @@ class Monitor:
         # The statistics of windows need the gear ratio.
         self._by_window = bool(actuator.ema) and any(network.window_classes for network in networks)
         self._first: int | None = None
-        self._held = ConditionTracker()
+        self._held = ConditionTracker(vehicle, actuator.name)
         self._windows = self._decidable = self._samples = self._moving = self._slots = 0
         self._friction: Interval | None = None
         self._tally = NetworkTally(len(self._networks))
@@ -137,7 +134,7 @@ class Monitor:
         airspeed: Array | None = None,
         magnitudes: Array | None = None,
     ) -> Iterator[MonitorEvent]:
-        """Process samples at flight times ``time_s`` (n,), ``values`` V1…V12 (n, 12).
+        """Process samples at flight times ``time_s`` (n,), which increase, ``values`` V1…V12 (n, 12).
 
         ``measured`` (n, 12) marks measured values, as opposed to derived ones; all if omitted. The rotor's
         angle is evidence beside the output shaft's only if a sensor gave each. ``bus_v`` (n,) is the voltage
@@ -147,16 +144,12 @@ class Monitor:
         """
         if not time_s.size:
             return
-        self._waiting.append((time_s, with_extra_columns(values, measured, bus_v, airspeed, magnitudes)))
-        self._latest_s = max(self._latest_s, float(time_s.max()))
-        # Live blocks of a few samples are gathered until they complete a slot: arrays of one are slow.
-        if self._cutter.completes(self._latest_s) or len(self._waiting) >= _MOST_WAITING:
-            yield from self._judge(self._cut())
+        self._latest_s = float(time_s[-1])
+        columns = with_extra_columns(values, measured, bus_v, airspeed, magnitudes)
+        yield from self._judge(self._cutter.feed(time_s, columns))
 
     def finish(self) -> Iterator[MonitorEvent]:
         """Process the remaining samples, and judge by the whole flight what its windows left undecided."""
-        if self._waiting:
-            yield from self._judge(self._cut())
         yield from self._judge(self._cutter.finish())
         # On a held shaft no balance of torques or angles is valid, over the flight neither.
         if self._first is None or self._windows == 0 or self._held.jammed:
@@ -208,7 +201,6 @@ class Monitor:
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,
                 decidable=max([self._decidable, *(t.faulty_windows for t in deciding)]),
-                late=self._cutter.late,
             ),
             last_s=self._latest_s,
             suspects=tuple(sorted(suspects, key=lambda each: -each.confidence)),
@@ -236,12 +228,6 @@ class Monitor:
             samples=self._samples,
             rate_hz=self._samples / max(lasted_s, 1.0),
         )
-
-    def _cut(self) -> Slots | None:
-        """Pass buffered samples to the cutter together: arrays for single live blocks are inefficient."""
-        time_s, values = (np.concatenate(parts) for parts in zip(*self._waiting, strict=True))
-        self._waiting.clear()
-        return self._cutter.feed(time_s, values)
 
     def _judge(self, slots: Slots | None) -> Iterator[MonitorEvent]:
         if slots is None:
@@ -322,8 +308,8 @@ class Monitor:
     def _changed(self, changes: Mapping[str, IndicatorChange], end_s: float) -> Iterator[ConditionChanged]:
         """Process the detectors' changes, by fault; report a change of the actuator's condition."""
         for fault, change in changes.items():
-            if turn := self._held.take(fault, change):
-                yield ConditionChanged(self.vehicle, self.actuator.name, end_s, *turn)
+            if changed := self._held.take(fault, change, end_s):
+                yield changed
 
     def _window(
         self, end_s: float, moving: float, friction: Interval | None, vote: VoteOutcome | None

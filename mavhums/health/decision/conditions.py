@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mavhums.core.conditions import SEVERITY, Condition
+from mavhums.health.decision.events import ConditionChanged
 from mavhums.results.verdict import Since
 
 _MOST_EPISODES = 100  # bounds the memory: of an actuator that alternates the first and the last stay
@@ -23,18 +24,13 @@ class IndicatorChange(NamedTuple):
     rule: str
 
 
-class ConditionChange(NamedTuple):
-    """An actuator's condition changed; ``fault`` is what changed it."""
-
-    since_s: float
-    before: Condition
-    after: Condition
-    rule: str
-    fault: str
-
-
 class ConditionTracker:
     """Tracks the conditions that the detectors of one actuator report.
+
+    Parameters
+    ----------
+    vehicle, actuator
+        System id, and the actuator's name.
 
     Attributes
     ----------
@@ -47,16 +43,17 @@ class ConditionTracker:
 
     Examples
     --------
-    >>> tracker = ConditionTracker()
-    >>> tracker.take("friction", IndicatorChange("normal", 0.0, "normal: …")).after
+    >>> tracker = ConditionTracker(1, "elevator")
+    >>> tracker.take("friction", IndicatorChange("normal", 0.0, "normal: …"), 10.0).after
     'normal'
-    >>> tracker.take("backlash", IndicatorChange("degraded", 3.0, "degraded: …")).since_s
+    >>> tracker.take("backlash", IndicatorChange("degraded", 3.0, "degraded: …"), 13.0).since_s
     3.0
     >>> tracker.condition, tracker.worst
     ('degraded', 'degraded')
     """
 
-    def __init__(self) -> None:
+    def __init__(self, vehicle: int, actuator: str) -> None:
+        self._whose = vehicle, actuator
         self.shown: dict[str, IndicatorChange] = {}
         self.condition: Condition = "undecided"
         self.worst: Condition = "undecided"
@@ -68,8 +65,8 @@ class ConditionTracker:
         """Whether the shaft is jammed, in which case no balance of torques or angles is valid."""
         return "jam" in self.shown and self.shown["jam"].condition == "emergency"
 
-    def take(self, fault: str, change: IndicatorChange) -> ConditionChange | None:
-        """Process a detector's change; return the resulting change of the actuator's condition, if any."""
+    def take(self, fault: str, change: IndicatorChange, time_s: float) -> ConditionChanged | None:
+        """Process a detector's change, decided at a flight time; return the actuator's own change, if any."""
         self.shown[fault] = change
         before, self.condition = self.condition, self._gravest()
         if SEVERITY[self.condition] > SEVERITY[self.worst]:
@@ -87,7 +84,7 @@ class ConditionTracker:
         # Not before the last change: conditions follow each other in time.
         since_s = self._changed_s = max(since_s, self._changed_s)
         self.since_s = None if self.condition == "undecided" else since_s
-        return ConditionChange(since_s, before, self.condition, rule, why)
+        return ConditionChanged(*self._whose, time_s, since_s, before, self.condition, rule, why)
 
     def _gravest(self) -> Condition:
         """Return the worst condition of the detectors; normal only if the friction is normal."""

@@ -104,78 +104,42 @@ def with_extra_columns(
 
 
 class SlotCutter:
-    """Collects samples and returns slots of one second that are complete.
-
-    Attributes
-    ----------
-    late
-        Number of samples that arrived after their slot was closed; they are ignored.
-    latest_s
-        Flight time of the latest sample; minus infinity before the first.
-    """
+    """Collects samples and returns slots of one second that are complete."""
 
     def __init__(self) -> None:
-        self.late = 0
-        self.latest_s = -np.inf
-        self._times: list[Array] = []
-        self._values: list[Array] = []
-        self._closed = -np.inf
-        self._before: tuple[Array, Array] = np.empty(0), np.empty((0, COLUMNS))
-        self._pending: tuple[Array, Array] = self._before
-
-    def completes(self, latest_s: float) -> bool:
-        """Return whether a sample at this time would complete a slot."""
-        return bool(np.floor(latest_s) > self._closed)
+        # The samples that are not confirmed yet, after as many neighbours of the first of them.
+        self._time_s, self._values, self._before = np.empty(0), np.empty((0, COLUMNS)), 0
 
     def feed(self, time_s: Array, values: Array) -> Slots | None:
-        """Return the slots that these samples complete; ``time_s`` (n,) and ``values`` (n, ``COLUMNS``)."""
+        """Return the slots that these samples complete.
+
+        ``time_s`` (n,) increases, also from one call to the next; ``values`` is (n, ``COLUMNS``).
+        """
         if time_s.size == 0:
             return None
-        latest = np.maximum(np.maximum.accumulate(time_s), self.latest_s)
-        in_time = time_s >= np.floor(latest)
-        self.late += int(np.count_nonzero(~in_time))
-        self._times.append(time_s[in_time])
-        self._values.append(values[in_time])
-        self.latest_s = float(latest[-1])
-        horizon = float(np.floor(latest[-1:])[0])
-        if horizon <= self._closed:
-            return None
-        self._closed = horizon
-        return self._close(horizon)
+        self._time_s = np.concatenate([self._time_s, time_s])
+        self._values = np.concatenate([self._values, values])
+        return self._close(float(np.floor(time_s[-1])))
 
     def finish(self) -> Slots | None:
         """Return the remaining slots; the last one may be incomplete."""
         return self._close(np.inf)
 
     def _close(self, horizon: float) -> Slots | None:
-        if not self._times:
-            return None
-        time_s, values = _joined(self._times), _joined(self._values)
-        # Sorting costs more than all else here, and most logs are in order.
-        if not (time_s[1:] > time_s[:-1]).all():
-            time_s, first = np.unique(time_s, return_index=True)
-            values = values[first]
-        done = int(np.searchsorted(time_s, horizon))
-        self._times, self._values = [time_s[done:]], [values[done:]]
-        lead = self._before[0].size
-        whole_t = np.concatenate([self._before[0], self._pending[0], time_s[:done]])
-        whole_v = np.concatenate([self._before[1], self._pending[1], values[:done]])
-        time_s, values = whole_t[lead:], whole_v[lead:]
+        before, done = self._before, int(np.searchsorted(self._time_s, horizon))
+        whole_t, whole_v = self._time_s[:done], self._values[:done]
+        time_s = whole_t[before:]
         confirmed_by = np.searchsorted(time_s, time_s + GUARD_S) + 1
         ready = int(np.searchsorted(confirmed_by, time_s.size))
-        self._pending = time_s[ready:], values[ready:]
         if not ready:
             return None
         slots = np.floor(time_s[confirmed_by[:ready]]).astype(np.int64)
         start = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
         # The last sample is never ready. One more on the left: central differences need a neighbour.
         keep = max(int(np.searchsorted(whole_t, time_s[ready] - GUARD_S, side="right")) - 2, 0)
-        self._before = whole_t[keep : lead + ready], whole_v[keep : lead + ready]
-        return Slots(slots[start], start, slice(lead, lead + ready), whole_t, whole_v)
-
-
-def _joined(parts: list[Array]) -> Array:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        self._time_s, self._values = self._time_s[keep:], self._values[keep:]
+        self._before = before + ready - keep
+        return Slots(slots[start], start, slice(before, before + ready), whole_t, whole_v)
 
 
 class Windows:

@@ -66,7 +66,7 @@ def verdict_of_actuator(
             moving_fraction=round(findings.coverage.moving_fraction, 4),
             windows=findings.coverage.windows,
             decidable=findings.coverage.decidable,
-            late=findings.coverage.late + late,
+            late=late,
             implausible={key: refused for key, (refused, _) in implausible.items()},
         ),
         tier=tier.name,

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from mavhums.core.quantities import column
 from mavhums.engine.events import Event
-from mavhums.health.actuator.monitor import Monitor
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.events import ConditionChanged, Indication, Window
 from mavhums.learn import default_model
@@ -254,13 +253,3 @@ def test_which_direction_is_called_positive_changes_no_verdict() -> None:
         assert theirs.value.estimate == pytest.approx(sign * mine.value.estimate, rel=1e-6, abs=1e-9)
         width = theirs.value.high - theirs.value.low
         assert width == pytest.approx(mine.value.high - mine.value.low, rel=1e-6)
-
-
-def test_a_clock_that_went_back_fills_no_memory() -> None:
-    """What comes late is counted and left out though nothing newer comes."""
-    seen = telemetry(flown(rate_hz=25.0, seconds=20.0))
-    monitor = Monitor(1, actuator_of())
-    list(monitor.feed(seen.time_s, seen.values))
-    for _ in range(1000):
-        list(monitor.feed(seen.time_s[:1], seen.values[:1]))
-    assert monitor.findings().coverage.late >= 900

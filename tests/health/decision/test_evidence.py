@@ -9,20 +9,20 @@ from tests.present import present
 
 
 def test_only_friction_makes_normal_and_onsets_follow_each_other() -> None:
-    tracker = ConditionTracker()
-    assert tracker.take("backlash", IndicatorChange("normal", 1.0, "play")) is None
+    tracker = ConditionTracker(1, "elevator")
+    assert tracker.take("backlash", IndicatorChange("normal", 1.0, "play"), 20.0) is None
     assert tracker.condition == "undecided"
-    found = present(tracker.take("friction", IndicatorChange("normal", 5.0, "friction")))
+    found = present(tracker.take("friction", IndicatorChange("normal", 5.0, "friction"), 20.0))
     # The play was normal before; the friction decides.
     assert (found.after, found.since_s, found.fault) == ("normal", 5.0, "friction")
-    found = present(tracker.take("backlash", IndicatorChange("degraded", 2.0, "play")))
+    found = present(tracker.take("backlash", IndicatorChange("degraded", 2.0, "play"), 20.0))
     assert (found.since_s, found.rule, tracker.since_s) == (5.0, "play", 5.0)
-    assert tracker.take("friction", IndicatorChange("degraded", 7.0, "friction")) is None
-    assert tracker.take("jam", IndicatorChange("degraded", 9.0, "jam")) is None
+    assert tracker.take("friction", IndicatorChange("degraded", 7.0, "friction"), 20.0) is None
+    assert tracker.take("jam", IndicatorChange("degraded", 9.0, "jam"), 20.0) is None
     assert not tracker.jammed
-    found = present(tracker.take("jam", IndicatorChange("emergency", 12.0, "jam")))
+    found = present(tracker.take("jam", IndicatorChange("emergency", 12.0, "jam"), 20.0))
     assert (tracker.jammed, found.before, tracker.worst) == (True, "degraded", "emergency")
-    found = present(tracker.take("jam", IndicatorChange("normal", 20.0, "jam")))
+    found = present(tracker.take("jam", IndicatorChange("normal", 20.0, "jam"), 20.0))
     # What remains is the play, which is older than the friction; not before the jam's own onset.
     assert (found.after, found.fault, found.since_s) == ("degraded", "backlash", 12.0)
     assert (tracker.condition, tracker.worst) == ("degraded", "emergency")
