@@ -4,10 +4,10 @@ The clock is given by the times of the source that carries V5, else V7, else V3,
 sampled: a current once a second must not thin positions of 20 Hz. The other quantities are interpolated
 to it; between values farther apart than a sampled source's, a reading is held, and an angle is not known.
 
-Which values come in time is decided as for a vehicle's signals (:class:`~mavhums.vehicle.grid.Order`): a
-second is settled when every source has passed it that is not silent for longer than the horizon. Its samples
-are then final, and they rest only on values that came before it was settled. So they depend on the order of
-messages in the log, not on its division into blocks.
+Which values come in time is decided as for a vehicle's signals (:class:`~mavhums.vehicle.grid.Order`): a time
+is settled when every source has passed it that is not silent for longer than the horizon. The samples before
+it are then final, and they rest only on values that came before they were settled. So they depend on the
+order of messages in the log, not on its division into blocks.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ _HELD = [column(key) for key in KEYS if key not in ("V1", "V2", "V3", "V11")]
 _MAX_SPAN_US = 2_000_000  # between neighbours that are interpolated: a longer gap hides whole motions
 _SAMPLED_US = 500_000  # longest step of a source that is sampled: over more a shaft moves to and fro
 _SLOPE_US = 80_000  # over which the command's rate is taken: longer blurs steps
+_STEPS_HZ = 8  # of what is settled: the view of a live link is as late, and arrays of few samples are slow
 _CLOCK_ORDER = tuple(column(key) for key in ("V5", "V7", "V3", "V1"))
 
 
@@ -152,7 +153,7 @@ class Aligner:
         self.late = 0
         self._trust = {tier: rank for rank, tier in enumerate(trust)}
         self._lag_us = round(lag_s * 1e6)
-        self._order = Order()
+        self._order = Order(_STEPS_HZ)
         self._places: dict[str, int] = {}
         self._turns: list[_Turn] = []
         self._ranks: dict[int, tuple[bool, tuple[int, int] | None]] = {}  # slow or not, and its worth

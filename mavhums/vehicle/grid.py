@@ -88,9 +88,16 @@ class Arrivals(NamedTuple):
 
 
 class Order:
-    """Decides which samples of several streams come in time, in the order of the log."""
+    """Decides which samples of several streams come in time, in the order of the log.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    steps_hz
+        How often a second time is settled: a power of two, so that the times are exact.
+    """
+
+    def __init__(self, steps_hz: int = 1) -> None:
+        self._steps_hz = steps_hz
         self._places: dict[Hashable, int] = {}
         self._counts = np.zeros((_STREAMS, len(Received._fields)), dtype=np.int64)
         self._newest, self._heard = np.full(_STREAMS, -np.inf), np.full(_STREAMS, -np.inf)
@@ -99,7 +106,7 @@ class Order:
 
     @property
     def complete_until_s(self) -> float:
-        """Flight time before which no sample is taken any more: a whole second, or minus infinity."""
+        """Time before which no sample is taken any more: a whole number of steps, or minus infinity."""
         return float(self._state[_SETTLED])
 
     @property
@@ -124,7 +131,7 @@ class Order:
         settled = np.empty(stream.size)
         settled[order] = _follow(
             stream[order], np.concatenate([new.time_s for new in arrivals])[order],
-            self._kinds, self._newest, self._heard, self._counts, self._state,
+            self._kinds, self._newest, self._heard, self._counts, self._state, self._steps_hz,
         )  # fmt: skip
         return [settled[a:b] for a, b in pairwise(edges)]
 
@@ -138,6 +145,7 @@ def _follow(
     heard: Array1,
     counts: Integers2,
     state: Array1,
+    steps_hz: int,
 ) -> Array:
     settled = np.full(stream.size, np.nan)
     for row in range(stream.size):
@@ -160,7 +168,7 @@ def _follow(
         if stamped:
             state[_NEWEST_STAMPED] = max(state[_NEWEST_STAMPED], time)
         reach = _reach(kinds, newest, heard, state)
-        state[_SETTLED] = max(state[_SETTLED], np.floor(reach))
+        state[_SETTLED] = max(state[_SETTLED], np.floor(reach * steps_hz) / steps_hz)
     return settled
 
 

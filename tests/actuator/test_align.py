@@ -168,20 +168,25 @@ def settled_by(batches: list[list[Reading]]) -> list[float]:
     return out
 
 
+def last_before(newest_ms: int) -> float:
+    """The latest time of a source of 10 Hz, s, before the last eighth of a second that has passed."""
+    return ((newest_ms // 125 * 125 - 1) // 100) / 10
+
+
 def test_a_source_alone_is_not_kept_waiting() -> None:
-    """Once ten seconds have shown what sources there are, a second is final when it has passed."""
+    """Once ten seconds have shown what sources there are."""
     settled = settled_by([[reading(4, [k], [100 * k], [1.0])] for k in range(140)])
     assert settled[:90] == [-1.0] * 90
-    assert settled[100:] == [k // 10 - 0.1 for k in range(100, 140)]
+    assert settled[100:] == [last_before(100 * k) for k in range(100, 140)]
 
 
-def test_a_second_waits_for_every_source_that_speaks() -> None:
+def test_a_sample_waits_for_every_source_that_speaks() -> None:
     current = [[reading(4, [k], [100 * k], [1.0])] for k in range(200)]
     command = reading(0, range(200, 316), [100 * k for k in range(116)], [2.0] * 116)
     later = reading(0, [316], [14_030], [2.0])
     early = reading(0, [317], [13_000], [2.0])
     settled = settled_by([[reading(0, [0], [0], [2.0])], *current, [command], [later], [early]])
-    assert settled[-5:] == [-1.0, -1.0, 10.9, 13.9, 13.9]
+    assert settled[-5:] == [-1.0, -1.0, 11.4, 13.9, 13.9]
 
 
 def test_nothing_waits_for_a_source_that_died() -> None:
@@ -190,11 +195,11 @@ def test_nothing_waits_for_a_source_that_died() -> None:
     settled = settled_by(batches)
     assert settled[1 + 340] == 4.9  # it may still come
     assert settled[1 + 351] == 34.9  # none waits longer than the horizon
-    assert settled[1 + 700 :] == [k // 10 - 0.1 for k in range(700, 800)]
+    assert settled[1 + 700 :] == [last_before(100 * k) for k in range(700, 800)]
 
 
 @pytest.mark.parametrize("step", [1, 7, 200])
-def test_what_comes_after_its_second_is_settled_does_not_count(step: int) -> None:
+def test_what_comes_after_its_time_is_settled_does_not_count(step: int) -> None:
     """It is the same whether the rest came at once or in parts."""
 
     def command(first: int, end: int) -> Reading:
