@@ -15,7 +15,7 @@ import re
 import subprocess
 import sys
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -100,6 +100,39 @@ def names_of_messages() -> Iterator[str]:
             yield str(path.relative_to(PACKAGE))
 
 
+def imported(path: Path) -> Iterator[Path]:
+    """Yield the modules of the package that a module imports, at its head or in a function."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == PACKAGE.name:
+            place = ROOT.joinpath(*(node.module or "").split("."))
+            names = [place / alias.name for alias in node.names]
+            yield from filter(Path.is_file, (one.with_suffix(".py") for one in (place, *names)))
+            yield from filter(Path.is_file, (one / "__init__.py" for one in (place, *names)))
+
+
+def needed(roots: Iterable[Path], graph: Mapping[Path, set[Path]]) -> set[Path]:
+    """Return the modules that some modules need, these included."""
+    found, waiting = set[Path](), [*roots]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting += graph[path]
+    return found
+
+
+def of_one_command() -> Iterator[str]:
+    """Yield how many lines the package has for one module of the command line, and for no other one."""
+    graph = {path: {*imported(path)} for path in PACKAGE.rglob("*.py")}
+    graph[PACKAGE / "__init__.py"] = graph[PACKAGE / "cli" / "main.py"] = set()  # they import all, lazily
+    commands = sorted((PACKAGE / "cli").glob("*.py"))
+    whole = needed(commands, graph)
+    for command in commands:
+        own = whole - needed((one for one in commands if one != command), graph)
+        if len(own) > 1:
+            yield f"{command.stem}: {sum(lines_and_comments(path)[0] for path in own)}"
+
+
 def words(*patterns: str) -> int:
     paths = {path for pattern in patterns for path in ROOT.glob(pattern)}
     return sum(len(path.read_text(encoding="utf-8").split()) for path in paths)
@@ -112,6 +145,7 @@ def main() -> None:
     print(f"\nmodules of mavhums after `analyse` of one log: {len(modules)}")
     print(f"words: README {words('README.md')}, docs {words('docs/**/*.md')}")
     for title, lines in (
+        ("commands with lines that no other one needs", of_one_command()),
         ("class names of two modules", names_of_two_classes()),
         ("files that name a message", names_of_messages()),
         (f"public functions above {LIMIT} parameters", long_signatures()),
