@@ -17,7 +17,12 @@ from mavhums.engine.events import Event
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_setup import SetupHistory
 from mavhums.health.decision.events import Classified, ConditionChanged
-from mavhums.health.verdict.actuator import unjudged_actuator, verdict_of_actuator, with_refused
+from mavhums.health.verdict.actuator import (
+    ActuatorTelemetry,
+    unjudged_actuator,
+    verdict_of_actuator,
+    with_refused,
+)
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.log import Table
 from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer, WindowsOfClass
@@ -127,17 +132,10 @@ class Actuators:
             if actuator.blanks and monitor.worst == "undecided" and not comparable(findings.own):
                 yield unjudged_actuator(vehicle, actuator, own, provenance, findings.own_gap)
             else:
+                of = vehicle, actuator, own, provenance, track.aligner.late, track.implausible
+                network = network_answer(findings, self._serving(mapper.airframe), self._options.decide)
                 verdict = verdict_of_actuator(
-                    vehicle,
-                    actuator,
-                    findings,
-                    start_utc=start_utc,
-                    end_s=end_s,
-                    late=track.aligner.late,
-                    implausible=track.implausible,
-                    provenance=provenance,
-                    tier=own,
-                    network=network_answer(findings, self._serving(mapper.airframe), self._options.decide),
+                    ActuatorTelemetry(*of), findings, start_utc=start_utc, end_s=end_s, network=network
                 )
                 verdict = compare_with_own_flights(verdict, (), self._options.false_alarms)
                 yield with_refused(verdict)

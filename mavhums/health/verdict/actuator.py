@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.plausibility import not_used
@@ -26,25 +26,41 @@ if TYPE_CHECKING:
     from mavhums.health.actuator.monitor import ActuatorFindings
 
 
+class ActuatorTelemetry(NamedTuple):
+    """What a log carries of an actuator.
+
+    Attributes
+    ----------
+    tier, provenance
+        The tier, and the source of each quantity.
+    late
+        Number of values that came too late or twice.
+    implausible
+        By quantity, the number of implausible values and the number of all values.
+    """
+
+    vehicle: int
+    actuator: Actuator
+    tier: Tier
+    provenance: dict[str, str]
+    late: int = 0
+    implausible: Mapping[str, tuple[int, int]] = {}
+
+
 def verdict_of_actuator(
-    vehicle: int,
-    actuator: Actuator,
+    telemetry: ActuatorTelemetry,
     findings: ActuatorFindings,
     *,
     start_utc: datetime,
     end_s: float,
-    late: int,
-    implausible: Mapping[str, tuple[int, int]],
-    provenance: dict[str, str],
-    tier: Tier,
     network: NetworkAnswer | None = None,
 ) -> Verdict:
     """Return the verdict on an actuator with telemetry.
 
     If its telemetry ended more than a window before the log's end ``end_s``, its condition is undecided:
-    silence is never normal. Earlier findings remain. ``implausible`` is, by quantity, the number of
-    implausible values and the number of all values.
+    silence is never normal. Earlier findings remain.
     """
+    vehicle, actuator, tier, provenance, late, implausible = telemetry
     silent = _is_silent(findings.last_s, end_s)
     # Silence is never normal; earlier findings stay as the worst.
     condition: Condition = "undecided" if silent else findings.condition
