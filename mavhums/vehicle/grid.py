@@ -32,7 +32,7 @@ _COUNTED: Final = ("outputs", "outputs_2", "attitude", "rates", "state")
 _CHOSEN: Final = ("attitude", "rates", "force", "demand", "airspeed", "altitude")
 """Signals that several messages carry in some format."""
 _HALF_S: Final = 0.5 / RATE_HZ
-_STREAMS: Final = 64  # more than the tables of a format have; none beyond is kept
+_STREAMS: Final = 64  # more than a format has tables, or an actuator sources; none beyond is kept
 
 HORIZON_S: Final = 30.0
 """Longest time for which a stream is waited for: above nearly all latencies of real links, and bounded."""
