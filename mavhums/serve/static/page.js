@@ -204,12 +204,12 @@ async function show(log, part, again = false, moves = below.chosen) {
     return;
   }
   const answer = await fetch(`/logs/${log}/${part}`);
-  if (below.log !== log || below.part !== part) return;
+  const markup = await answer.text();
+  if (below.log !== log || below.part !== part) return; // the user has chosen another while it came
   if (!answer.ok) {
     if (part === "view") show(log, "answer"); // the list says why there is no view
     return;
   }
-  const markup = await answer.text();
   below.waits = markup.includes("data-waits");
   if (again && below.waits) return;
   place.innerHTML = markup;
