@@ -174,7 +174,8 @@ def accuracies(answers: pd.DataFrame) -> pd.DataFrame:
 
 def confusion(answers: pd.DataFrame, split: str) -> pd.DataFrame:
     """Return the shares, %, in which the networks called each condition, without the constant of a run."""
-    part = answers[(answers[["split", "constants", "method"]] == (split, "run", "networks")).all(axis=1)]
+    of_networks = (answers["constants"] == "run") & (answers["method"] == "networks")
+    part = answers[of_networks & (answers["split"] == split)]
     shares = 100 * pd.crosstab(part["truth"], part["called"], normalize="index")
     names = sorted({*answers["truth"], *answers["called"]})
     found = shares.reindex(columns=names, fill_value=0).round(0).astype(int)
