@@ -221,6 +221,61 @@ class Seconds:
         return Seconds(self.index[a:b], signals, {name: ranks[a:b] for name, ranks in self.ranks.items()})
 
 
+class _Samples(NamedTuple):
+    """Samples of a stream: times, s, (n,), what was settled before each came, and values, (n, columns)."""
+
+    time_s: Array
+    settled_s: Array
+    values: Array
+
+    def around(self, at: Array, second: Array) -> tuple[Integers, Integers]:
+        """Return the indices of the times with samples on both sides, and of the samples after these.
+
+        A sample that came once the ``second`` of a time was settled is unknown there, as it is where the log
+        comes in small blocks.
+        """
+        after: Integers = np.searchsorted(self.time_s, at, side="right").astype(np.int64)
+        inside: Integers = np.flatnonzero((after > 0) & (after < self.time_s.size))
+        inside = inside[self.settled_s[after[inside]] <= second[inside]]
+        return inside, after[inside]
+
+    def between(self, at: Array, second: Array, *, turns: bool = False) -> Array:
+        """Interpolate; return NaN where the samples on both sides are more than a gap apart.
+
+        ``turns`` tells that the values are angles, which are interpolated the shorter way round.
+        """
+        out = np.full((at.size, self.values.shape[1]), np.nan)
+        inside, right = self.around(at, second)
+        left = right - 1
+        span = self.time_s[right] - self.time_s[left]
+        share = ((at[inside] - self.time_s[left]) / span)[:, None]
+        step = self.values[right] - self.values[left]
+        if turns:
+            step = (step + np.pi) % (2 * np.pi) - np.pi
+        out[inside] = np.where((span <= GAP_S)[:, None], self.values[left] + share * step, np.nan)
+        return out
+
+    def spacing(self, at: Array, second: Array) -> Array:
+        """Return the distance between the samples around each time, shape (n,); NaN where they are far apart.
+
+        Of a stream that was silent for long, the next sample may or may not be known when a second settles.
+        """
+        out = np.full(at.size, np.nan)
+        inside, right = self.around(at, second)
+        out[inside] = self.time_s[right] - self.time_s[right - 1]
+        out[out > _HELD_S] = np.nan
+        return out
+
+    def last_reported(self, at: Array) -> Array:
+        """Return the last reported value; NaN if none was reported for seconds."""
+        if not self.time_s.size:
+            return np.full((at.size, self.values.shape[1]), np.nan)
+        before = np.searchsorted(self.time_s, at, side="right") - 1
+        row = np.maximum(before, 0)
+        known = (before >= 0) & (at - self.time_s[row] <= _HELD_S)
+        return np.where(known[:, None], self.values[row], np.nan)
+
+
 class Grid:
     """Resamples one vehicle's signals on the grid.
 
@@ -232,7 +287,7 @@ class Grid:
 
     def __init__(self, start_us: int) -> None:
         self._start_us = start_us
-        self._kept: dict[Stream, tuple[Array, Array]] = {}
+        self._kept: dict[Stream, _Samples] = {}
         self._choices = {name: Choice(GAP_S) for name in _CHOSEN}
         self._order = Order()
         self._settled = -(1 << 40)
@@ -244,14 +299,15 @@ class Grid:
         if not index.size:
             return None
         at = (index[:, None] + np.arange(RATE_HZ) / RATE_HZ).ravel()
+        second = np.repeat(index, RATE_HZ).astype(np.float64)
         found = {}
         for name, columns in STEPPED.items():
             known = [self._kept[stream] for stream in self._streams(name)]
-            held = _last_reported(*known[0], at) if known else np.full((at.size, columns), np.nan)
+            held = known[0].last_reported(at) if known else np.full((at.size, columns), np.nan)
             found[name] = held.reshape(index.size, RATE_HZ, columns)
-        candidates = {name: self._candidates(name, at) for name in CONTINUOUS}
+        candidates = {name: self._candidates(name, at, second) for name in CONTINUOUS}
         ranks = {"attitude": self._choices["attitude"].step(index.size, candidates["attitude"])}
-        change = self._derived_rates(at, ranks["attitude"])
+        change = self._derived_rates(at, second, ranks["attitude"])
         candidates["rates"].append(change)
         for name in _CHOSEN[1:]:
             truth = change if name == "rates" else None
@@ -271,26 +327,26 @@ class Grid:
         """Return the streams of a signal that were heard, the preferred one first."""
         return sorted(stream for stream in self._kept if stream.name == name)
 
-    def _candidates(self, name: str, at: Array) -> list[CandidateStream]:
+    def _candidates(self, name: str, at: Array, second: Array) -> list[CandidateStream]:
         shape = at.size // RATE_HZ, RATE_HZ
         return [
             CandidateStream(
                 stream.rank,
-                _between(*self._kept[stream], at, turns=name == "attitude").reshape(*shape, -1),
-                _spacing(self._kept[stream][0], at).reshape(shape),
+                self._kept[stream].between(at, second, turns=name == "attitude").reshape(*shape, -1),
+                self._kept[stream].spacing(at, second).reshape(shape),
             )
             for stream in self._streams(name)
         ]
 
-    def _derived_rates(self, at: Array, ranks: Integers) -> CandidateStream:
+    def _derived_rates(self, at: Array, second: Array, ranks: Integers) -> CandidateStream:
         """Return the body rates by the change of the attitude over each row, where its streams are used."""
         shape = at.size // RATE_HZ, RATE_HZ
         rates, spacing = np.full((*shape, 3), np.nan), np.full(shape, np.nan)
         for stream in self._streams("attitude"):
             kept, used = self._kept[stream], ranks == stream.rank
-            before, after = (_between(*kept, at + half, turns=True) for half in (-_HALF_S, _HALF_S))
+            before, after = (kept.between(at + half, second, turns=True) for half in (-_HALF_S, _HALF_S))
             rates[used] = body_rates(before, after, 2 * _HALF_S).reshape(*shape, 3)[used]
-            spacing[used] = _spacing(kept[0], at).reshape(shape)[used]
+            spacing[used] = kept.spacing(at, second).reshape(shape)[used]
         return CandidateStream(DERIVED, rates, spacing)
 
     def source(self, name: str, rank: int) -> str:
@@ -302,7 +358,7 @@ class Grid:
     @property
     def held(self) -> int:
         """Number of samples that are kept for the seconds to come."""
-        return sum(time_s.size for time_s, _ in self._kept.values())
+        return sum(kept.time_s.size for kept in self._kept.values())
 
     def reached_s(self, frames: Integers, signals: Sequence[Signal]) -> Integers:
         """Return the second of the latest sample before places in the log, (n,), given the next signals.
@@ -336,24 +392,22 @@ class Grid:
             for signal in signals
         ]
         for signal, new, settled_s in zip(signals, arrivals, self._order.feed(arrivals), strict=True):
-            columns, good = signal.values.shape[1], ~np.isnan(settled_s)
-            old = self._kept.get(Stream.of(signal), (np.empty(0), np.empty((0, columns))))
-            self._kept[Stream.of(signal)] = (
-                np.concatenate([old[0], new.time_s[good]]),
-                np.concatenate([old[1], signal.values[good]]),
-            )
+            good = ~np.isnan(settled_s)
+            came = _Samples(new.time_s[good], settled_s[good], signal.values[good])
+            old = self._kept.get(Stream.of(signal), _Samples(*(part[:0] for part in came)))
+            self._kept[Stream.of(signal)] = _Samples(*map(np.concatenate, zip(old, came, strict=True)))
 
     def _heard(self, reach: float) -> Integers:
         """Return the settled seconds that contain or adjoin a sample of the attitude or of an output."""
-        heard = [np.floor(time_s) for stream, (time_s, _) in self._kept.items() if stream.name in _COUNTED]
+        heard = [np.floor(kept.time_s) for stream, kept in self._kept.items() if stream.name in _COUNTED]
         seconds = np.unique(np.concatenate([np.empty(0), *heard])).astype(np.int64)
         return seconds[(seconds >= self._settled) & (seconds + 1 <= reach)]
 
     def _forget(self) -> None:
         """Keep the samples that the next second may need: the one before it, and all later ones."""
-        for stream, (time_s, values) in self._kept.items():
-            first = max(int(np.searchsorted(time_s, self._settled - GAP_S)) - 1, 0)
-            self._kept[stream] = time_s[first:], values[first:]
+        for stream, kept in self._kept.items():
+            first = max(int(np.searchsorted(kept.time_s, self._settled - GAP_S)) - 1, 0)
+            self._kept[stream] = _Samples(*(part[first:] for part in kept))
 
 
 def lengths(rows: Flags, before: int) -> Integers:
@@ -368,49 +422,3 @@ def lengths(rows: Flags, before: int) -> Integers:
     last = np.maximum.accumulate(np.where(rows, -1, places))
     lasted: Integers = np.where(last < 0, before + places + 1, places - last)
     return lasted
-
-
-def _between(time_s: Array, values: Array, at: Array, *, turns: bool = False) -> Array:
-    """Interpolate; return NaN where the samples on both sides are more than a gap apart.
-
-    ``turns`` tells that the values are angles, which are interpolated the shorter way round.
-    """
-    out = np.full((at.size, values.shape[1]), np.nan)
-    inside, right = _inside(time_s, at)
-    left = right - 1
-    span = time_s[right] - time_s[left]
-    share = ((at[inside] - time_s[left]) / span)[:, None]
-    step = values[right] - values[left]
-    if turns:
-        step = (step + np.pi) % (2 * np.pi) - np.pi
-    out[inside] = np.where((span <= GAP_S)[:, None], values[left] + share * step, np.nan)
-    return out
-
-
-def _inside(time_s: Array, at: Array) -> tuple[Flags, Integers]:
-    """Return which times have samples on both sides, and of these the index of the sample after."""
-    after = np.searchsorted(time_s, at, side="right")
-    inside = (after > 0) & (after < time_s.size)
-    return inside, after[inside]
-
-
-def _spacing(time_s: Array, at: Array) -> Array:
-    """Return the distance between the samples around each time, shape (n,); NaN where they are far apart.
-
-    Of a stream that was silent for long, the next sample may or may not be known when a second settles.
-    """
-    out = np.full(at.size, np.nan)
-    inside, right = _inside(time_s, at)
-    out[inside] = time_s[right] - time_s[right - 1]
-    out[out > _HELD_S] = np.nan
-    return out
-
-
-def _last_reported(time_s: Array, values: Array, at: Array) -> Array:
-    """Return the last reported value; NaN if none was reported for seconds."""
-    if not time_s.size:
-        return np.full((at.size, values.shape[1]), np.nan)
-    before = np.searchsorted(time_s, at, side="right") - 1
-    row = np.maximum(before, 0)
-    known = (before >= 0) & (at - time_s[row] <= _HELD_S)
-    return np.where(known[:, None], values[row], np.nan)

@@ -83,6 +83,19 @@ def test_seconds_do_not_depend_on_the_blocks(steps: list[tuple[str, float]], dat
         np.testing.assert_array_equal(got, np.concatenate([one.signals[name] for one in wanted]))
 
 
+@pytest.mark.parametrize("late_s", [29.0, 29.9, 30.0, 30.3, 30.9, 31.0])
+def test_a_stream_as_late_as_the_horizon_is_as_late_in_any_block(late_s: float) -> None:
+    """What comes once a second is settled cannot be known there, though a large block holds it."""
+    times = {"attitude": even(10.0, 50.0), "outputs": even(4.0, 50.0)}
+    rows, whole, grid = arrivals(times, {"outputs": late_s}), Grid(0), Grid(0)
+    wanted = [present(whole.feed(signals(rows))), present(whole.feed([], final=True))]
+    parts = [one for k, row in enumerate(rows) if (one := grid.feed(signals([row], k)))]
+    parts.append(present(grid.feed([], final=True)))
+    for name in wanted[0].signals:
+        got, expected = (np.concatenate([one.signals[name] for one in some]) for some in (parts, wanted))
+        np.testing.assert_array_equal(got, expected)
+
+
 def test_a_healthy_link_settles_a_second_when_all_streams_have_passed_it() -> None:
     order = Order()
     for name, time in arrivals({name: even(4.0, 40.0) for name in COLUMNS}, {}):
