@@ -100,8 +100,17 @@ def test_what_is_installed_judges_a_log(site: Path, growing_log: Path, tmp_path:
 
 def without_extras(*arguments: str) -> list[str]:
     """Run the command line in a Python that cannot import what the extras bring."""
-    blocked = f"import sys; sys.modules.update(dict.fromkeys({EXTRAS!r}))"
-    return ["-c", f"{blocked}; from mavhums.cli.main import main; main()", *arguments]
+    script = f"""
+import sys
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name in {EXTRAS!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Missing())
+from mavhums.cli.main import main
+main()
+"""
+    return ["-c", script, *arguments]
 
 
 @pytest.mark.slow
