@@ -4,10 +4,10 @@ The clock is given by the times of the source that carries V5, else V7, else V3,
 sampled: a current once a second must not thin positions of 20 Hz. The other quantities are interpolated
 to it; between values farther apart than a sampled source's, a reading is held, and an angle is not known.
 
-Which values come in time is decided as for a vehicle's signals (:class:`~mavhums.vehicle.grid.Order`): a time
-is settled when every source has passed it that is not silent for longer than the horizon. The samples before
-it are then final, and they rest only on values that came before they were settled. So they depend on the
-order of messages in the log, not on its division into blocks.
+Which values come in time is decided as for a vehicle's signals (:mod:`mavhums.vehicle.arrivals`): a time is
+settled when every source has passed it that is not silent for longer than the horizon. The samples before it
+are then final, and they rest only on values that came before they were settled. So they depend on the order
+of messages in the log, not on its division into blocks.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from mavhums.actuator.telemetry import Reading
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.quantities import KEYS, column
-from mavhums.vehicle.grid import Arrivals, Order
+from mavhums.vehicle.arrivals import Arrivals, Order
 
 _ANGLES = [column("V2"), column("V3")]
 _HELD = [column(key) for key in KEYS if key not in ("V1", "V2", "V3", "V11")]

@@ -14,12 +14,12 @@ from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
 from mavhums.engine.vehicle_setup import SetupHistory
 from mavhums.log import Table
 from mavhums.log.base.decoder import Losses, text_of
+from mavhums.vehicle.arrivals import Received
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.facts import Signal
 from mavhums.vehicle.formats import esc_speeds, reports
 from mavhums.vehicle.formats.base import FactReport
-from mavhums.vehicle.grid import Received
 from mavhums.vehicle.parameters import OUTPUT_PARAMETERS, Parameters, ReceivedParameters
 from mavhums.vehicle.rotors import ROTOR_PARAMETERS
 from mavhums.vehicle.signals import SignalReader

@@ -37,9 +37,9 @@ from mavhums.results.assessment import Assessment, LogSummary
 from mavhums.results.sections import FlightIdentity, VehicleUsage
 from mavhums.results.verdict import ALL, Verdict
 from mavhums.vehicle.airspeed import AIRSPEED_MESSAGES
+from mavhums.vehicle.arrivals import Received
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import FlightEvents
-from mavhums.vehicle.grid import Received
 from mavhums.vehicle.identity import (
     FLIGHT_MESSAGES,
     IDENTITY_MESSAGES,

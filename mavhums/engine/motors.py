@@ -13,8 +13,9 @@ from mavhums.health.motor.speeds import EscSpeeds
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Verdict
+from mavhums.vehicle.arrivals import Received
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.grid import Received, Seconds
+from mavhums.vehicle.grid import Seconds
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.phases import PhaseRows, Phases
 from mavhums.vehicle.rotors import Rotors

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mavhums.vehicle.arrivals import HORIZON_S, Arrivals, Order, Received
 from mavhums.vehicle.facts import Signal
-from mavhums.vehicle.grid import HORIZON_S, RATE_HZ, Arrivals, Grid, Order, Received
+from mavhums.vehicle.grid import RATE_HZ, Grid
 from tests.present import present
 from tests.strategies import cuts
 

@@ -34,8 +34,8 @@ from mavhums.health.motor.thresholds import (
 from mavhums.health.verdict.obstacles import beside, unjudged, without
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import MOTORS, Coverage, Evidence, Interval, Suspect, Verdict
+from mavhums.vehicle.arrivals import Received
 from mavhums.vehicle.flight import Flight
-from mavhums.vehicle.grid import Received
 from mavhums.vehicle.rotors import Rotors
 
 _NEEDED: Final = {

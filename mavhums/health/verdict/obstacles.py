@@ -25,9 +25,9 @@ from mavhums.health.decision.thresholds import MOST_BANK_DEG, NAMED_SHARE, NORMA
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.results.reasons import Reason, said
 from mavhums.results.verdict import Verdict
+from mavhums.vehicle.arrivals import GAP_S, Received
 from mavhums.vehicle.flight import LEAST_DRIVEN, Flight
 from mavhums.vehicle.formats import messages_of, remedy
-from mavhums.vehicle.grid import GAP_S, Received
 from mavhums.vehicle.identity import PERIPHERALS, Identity, in_words
 from mavhums.vehicle.parameters import Parameters
 from mavhums.vehicle.surfaces import STEERING, Surfaces, steers_by_wheels

@@ -19,7 +19,7 @@ from mavhums.health.verdict.axis import _candidates, named_by_telemetry, verdict
 from mavhums.health.verdict.obstacles import disorder, obstacle, why_not_at_all, why_undecided
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Candidate, Coverage, Evidence, Interval, Verdict
-from mavhums.vehicle.grid import Received
+from mavhums.vehicle.arrivals import Received
 from mavhums.vehicle.identity import Identity
 from mavhums.vehicle.surfaces import Surfaces
 from tests.health.builders import outputs, verdict
