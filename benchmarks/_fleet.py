@@ -21,7 +21,7 @@ from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.actuator.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline
 from mavhums.health.decision.events import ConditionChanged, Window
-from mavhums.health.verdict.actuator import ActuatorTelemetry, verdict_of_actuator
+from mavhums.health.verdict.actuator import TelemetrySources, verdict_of_actuator
 from mavhums_sim import EmaParameters, Flight, FlightRecord
 from mavhums_sim.campaign import PAPER_FRICTION_NM, consume
 from mavhums_sim.conditions import Condition
@@ -177,7 +177,7 @@ def compared(
     findings: ActuatorFindings, actuator: Actuator, baselines: Mapping[str, Baseline]
 ) -> ActuatorFindings:
     """Return the findings of a flight after the comparison with the actuator's own baselines."""
-    telemetry = ActuatorTelemetry(1, actuator, tier_named("instrumented"), {})
+    telemetry = TelemetrySources(1, actuator, tier_named("instrumented"), {})
     verdict = verdict_of_actuator(telemetry, findings, start_utc=START, end_s=findings.last_s)
     found = compare_with_earlier_flights(verdict, baselines, start_utc=START, end_s=findings.last_s)
     return replace(

@@ -18,7 +18,7 @@ from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_setup import SetupHistory
 from mavhums.health.decision.events import Classified, ConditionChanged
 from mavhums.health.verdict.actuator import (
-    ActuatorTelemetry,
+    TelemetrySources,
     unjudged_actuator,
     verdict_of_actuator,
     with_refused,
@@ -135,7 +135,7 @@ class Actuators:
                 of = vehicle, actuator, own, provenance, track.aligner.late, track.implausible
                 network = network_answer(findings, self._serving(mapper.airframe), self._options.decide)
                 verdict = verdict_of_actuator(
-                    ActuatorTelemetry(*of), findings, start_utc=start_utc, end_s=end_s, network=network
+                    TelemetrySources(*of), findings, start_utc=start_utc, end_s=end_s, network=network
                 )
                 verdict = compare_with_own_flights(verdict, (), self._options.false_alarms)
                 yield with_refused(verdict)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mavhums.health.actuator.monitor import ActuatorFindings
 
 
-class ActuatorTelemetry(NamedTuple):
+class TelemetrySources(NamedTuple):
     """What a log carries of an actuator.
 
     Attributes
@@ -48,7 +48,7 @@ class ActuatorTelemetry(NamedTuple):
 
 
 def verdict_of_actuator(
-    telemetry: ActuatorTelemetry,
+    telemetry: TelemetrySources,
     findings: ActuatorFindings,
     *,
     start_utc: datetime,

@@ -19,7 +19,7 @@ from mavhums.core.quantities import KEYS, column
 from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
 from mavhums.health.actuator.past import compare_with_earlier_flights
 from mavhums.health.decision.baseline import Baseline
-from mavhums.health.verdict.actuator import ActuatorTelemetry, verdict_of_actuator
+from mavhums.health.verdict.actuator import TelemetrySources, verdict_of_actuator
 from mavhums.results.verdict import Coverage
 from mavhums_sim.conditions import Condition
 from mavhums_sim.sensors import EscSide
@@ -99,7 +99,7 @@ def test_where_no_window_is_decidable_nothing_is_decided(
     findings, end_s = monitor.findings(), float(seen.time_s[-1])
     now = compared(findings, actuator, own)
     agrees(now)
-    telemetry = ActuatorTelemetry(1, actuator, tier_named("named"), dict.fromkeys(KEYS, "measured"))
+    telemetry = TelemetrySources(1, actuator, tier_named("named"), dict.fromkeys(KEYS, "measured"))
     verdict = verdict_of_actuator(telemetry, findings, start_utc=START, end_s=end_s)
     verdict = compare_with_earlier_flights(verdict, own, start_utc=START, end_s=end_s)
     assert (verdict.condition, verdict.worst) == (now.condition, now.worst)

@@ -12,7 +12,7 @@ from mavhums.actuator.derive import SIGNED_BY_VOLTAGE
 from mavhums.actuator.telemetry import TIERS
 from mavhums.core.conditions import Condition
 from mavhums.health.actuator.monitor import Monitor
-from mavhums.health.verdict.actuator import ActuatorTelemetry, verdict_of_actuator
+from mavhums.health.verdict.actuator import TelemetrySources, verdict_of_actuator
 from mavhums.results.reasons import Reason
 from mavhums.results.verdict import Coverage, Evidence, Interval, OwnRecord, Suspect, Verdict
 from tests.health.builders import indicator
@@ -37,7 +37,7 @@ def verdict(condition: Condition = "degraded", end_s: float = 100.0, **changes: 
     told |= {"condition": condition, "worst": "emergency", "since_s": 41.23456, "last_s": 90.0}
     told |= {"coverage": seen, "friction": VALUE} | changes
     findings: Any = replace(Monitor(1, actuator).findings(), **told)
-    telemetry = ActuatorTelemetry(1, actuator, TIERS[0], provenance, 2, implausible)
+    telemetry = TelemetrySources(1, actuator, TIERS[0], provenance, 2, implausible)
     return verdict_of_actuator(telemetry, findings, start_utc=START, end_s=end_s)
 
 
