@@ -312,8 +312,8 @@ class Engine:
 
     def _of_vehicle(self, vehicle: int, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""
-        sag = self._events.of(vehicle).rail.lowest
-        return [with_supply(one, sag) for one in self._alone(vehicle, tier, indicators)]
+        sags = self._events.of(vehicle).rail.sags
+        return [with_supply(one, sags) for one in self._alone(vehicle, tier, indicators)]
 
     def _alone(self, vehicle: int, tier: Tier | None, indicators: bool) -> list[Verdict]:
         actuators = [*self._verdicts(vehicle, tier, indicators)]

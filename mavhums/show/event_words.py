@@ -42,8 +42,9 @@ _GRAVE: Final[Mapping[EventKind, tuple[Condition, str, str]]] = {
     "impact": ("degraded", "impact", "probably hit the ground at {at}"),
     "supply": (
         "degraded",
-        "servo rail",
-        "the servo rail, which feeds every surface, fell to {value:.1f} V at {at}",
+        "supply",
+        "the servo rail, which feeds every surface, fell to {value:.1f} V at {at}: "
+        "inspect its BEC, wiring and load",
     ),
     "contact": ("degraded", "contact", "probably hit something at {at}"),
     "altitude_loss": ("degraded", "altitude loss", "sank {value:.0f} m below its demand from {at} on"),

@@ -149,11 +149,6 @@ class ServoRail:
         self._kept: tuple[Array, Array] = np.empty(0), np.empty(0)
         self._usual_v: float | None = None
 
-    @property
-    def lowest(self) -> Sag | None:
-        """The deepest sag; None without one."""
-        return min(self.sags, key=lambda sag: sag.least_v, default=None)
-
     def feed(self, time_s: Array, volts: Array) -> list[Sag]:
         """Take readings, V, shape (n,), and their flight times, s; return the sags that begin."""
         time_s, volts = np.append(self._kept[0], time_s), np.append(self._kept[1], volts)

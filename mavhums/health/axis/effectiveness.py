@@ -284,7 +284,8 @@ class EffectivenessTracker:
         speed = np.fmax(rows.speed.reshape(-1, RATE_HZ).mean(axis=1), LEAST_DRIVEN)
         reference, form = self.reference, self._form
         settled = rows.settled.reshape(-1, RATE_HZ).all(axis=1)
-        # Before turns have shown the wind, it is in the speed, and after them it is not.
+        # Before turns have shown the wind, it is in the speed, and after them it is not. So much counts in
+        # roll, too, whose gain follows the speed.
         alike = form.speed_errors * SPEED_ERRORS_M_S[int(reference.basis.sources) % SPEEDS]
         error = np.where(settled == reference.settled, alike, max(form.speed_errors, 1.0) * WIND_M_S)
         unknown: list[float] = np.minimum(error / speed, 1.0).tolist()

@@ -5,6 +5,7 @@ The advice follows from the gravest condition and from the parts that the suspec
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from mavhums.core.conditions import Condition
@@ -29,16 +30,17 @@ _BY_CONDITION: Final[dict[Condition, str]] = {
 _RECOVERY_S: Final = 5.0  # after a sag, in which an alarm is still its consequence: a detector's windows last
 
 
-def with_supply(verdict: Verdict, sag: Sag | None) -> Verdict:
-    """Return a verdict on a surface or an axis, with the servo rail first where its sag explains the alarm.
+def with_supply(verdict: Verdict, sags: Sequence[Sag]) -> Verdict:
+    """Return a verdict on a surface or an axis, with the servo rail first where a sag explains its alarms.
 
     A rail feeds every surface: what it does to one is no fault of that one.
     """
-    if sag is None or verdict.subject == "motor":
-        return verdict
-    end_s = sag.end_s + _RECOVERY_S
     alarms = [one for one in verdict.evidence if one.condition in ("emergency", "degraded")]
-    if not alarms or any(one.end_s < sag.start_s or one.start_s > end_s for one in alarms):
+    if not alarms or verdict.subject == "motor":
+        return verdict
+    start_s, end_s = max(one.start_s for one in alarms), min(one.end_s for one in alarms)
+    sag = next((sag for sag in sags if start_s <= sag.end_s + _RECOVERY_S and end_s >= sag.start_s), None)
+    if sag is None:
         return verdict
     rail = Candidate(surface="servo rail", servo=0, probability=None, because=str(sag))
     return verdict.model_copy(update={"candidates": (rail, *verdict.candidates)})

@@ -265,12 +265,10 @@ class JamDetector(Detector):
         wound_up = windows[:, :, 4].max(axis=1)
         # Columns 2 and 3 are the highest and minus the lowest angle.
         angle = windows[:, :, 2:4].max(axis=1).sum(axis=1)
-        travelled = angle - wound_up
         enough = np.where(commanded >= JAM_COMMAND_DEG + wound_up, commanded, np.nan)
         enough[_only_approached(windows[:, :, 5:7], (1.0 - JAM_SHARE) * commanded)] = np.nan
         enough[(windows[:, :, 8] > 0.0).any(axis=1)] = np.nan
-        share: Array = 1.0 - np.maximum(travelled, 0.0) / enough
-        return share
+        return np.asarray(1.0 - np.maximum(angle - wound_up, 0.0) / enough)
 
 
 def _only_approached(missed: Array, least: Array) -> Flags:
