@@ -25,6 +25,7 @@ _MEMORY_S: Final = 60.0
 _LEAST_SPEED_M_S: Final = 5.0  # over ground: the heading of a slow aircraft does not show the wind
 _GUESS_M_S: Final = (15.0, 0.0, 0.0)  # airspeed and wind to the north and east, before the first velocity
 _GUESS_VARIANCES: Final = (2500.0, 900.0, 900.0)  # (m/s)²: any airspeed and wind that an aircraft meets
+_LEAPS_M_S: Final = 20.0  # over ground, in a second: a jammed or newly aligned receiver, not a turn
 _DRIFT_VARIANCES: Final = (25.0, 25.0, 25.0, 1.0)
 """Of a boat's current, slip and compass error, in that of one velocity across its heading, 0.2 m/s: 1 m/s,
 1 m and 0.2 rad."""
@@ -33,8 +34,10 @@ _SETTLED_VARIANCE: Final = 0.06
 
 _ALIVE_M_S: Final = 5.0  # a pitot tube that reads less in flight is covered or absent
 _ALIVE_S: Final = 20  # a sensor alive for as long is one that may fail
+_FROZEN_M_S: Final = 2.0  # a sensor that repeats one number over such a range of airspeeds measures nothing
 _MOVING_M_S: Final = 8.0  # below, wind and ground speed say too little about the ratio
-_EARLY_S: Final = 60  # of settled flight, whose median ratio is the sensor's usual one
+_EARLY_S: Final = (30, 60)
+"""Seconds of settled flight whose median ratio is the sensor's usual one: from so many on, and at most."""
 _DOUBTED: Final = ((5, 0.20), (10, 0.15), (30, 0.10))
 """Seconds, and the mean change of the ratio's logarithm over them from which the sensor is doubted: through
 these go the gusts of moderate turbulence, not a sensor that reads 20 % wrong (closed-loop flights)."""
@@ -69,7 +72,11 @@ class WindTriangle:
     """
 
     def __init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
         self._fit = _LeastSquares(_GUESS_M_S, _GUESS_VARIANCES)
+        self._velocity = np.full(2, np.nan)
 
     @property
     def is_settled(self) -> bool:
@@ -82,13 +89,19 @@ class WindTriangle:
         return self._fit.values[1:]
 
     def step(self, velocity: Array, heading: float) -> None:
-        """Take a ground velocity (2,), m/s, and the heading, rad; ignore values that are not finite."""
+        """Take a ground velocity (2,), m/s, and the heading, rad; ignore values that are not finite.
+
+        A velocity that leaps begins the estimate anew.
+        """
         if (
             not (np.isfinite(velocity).all() and np.isfinite(heading))
             or np.hypot(*velocity) < _LEAST_SPEED_M_S
         ):
             return
         rows = np.array([[np.cos(heading), 1.0, 0.0], [np.sin(heading), 0.0, 1.0]])
+        if np.hypot(*(velocity - self._velocity)) > _LEAPS_M_S:
+            self._begin()
+        self._velocity = velocity
         self._fit.step(rows, velocity)
 
 
@@ -133,9 +146,9 @@ class AirspeedCheck:
     Examples
     --------
     >>> check = AirspeedCheck()
-    >>> all(check.step(18.0, 18.5, settled=True) for _ in range(120))
+    >>> all(check.step(18.0 + k % 2, 18.5, settled=True) for k in range(120))
     True
-    >>> [check.step(23.0, 18.5, settled=True) for _ in range(6)][-1]
+    >>> [check.step(23.0 + k % 2, 18.5, settled=True) for k in range(6)][-1]
     False
     """
 
@@ -145,28 +158,34 @@ class AirspeedCheck:
         self._offset: float | None = None
         self._recent: deque[float] = deque(maxlen=_DOUBTED[-1][0])
         self._doubted = False
+        self._repeated, self._range = 0.0, (0.0, 0.0)
 
     def step(self, sensed: float, triangle: float, *, settled: bool) -> bool:
         """Take the mean airspeeds of a second of flight, m/s; return whether the sensor is trusted.
 
-        The first minute in which the wind triangle is settled gives the usual ratio. A sensor that was never
-        alive is not doubted, since nothing relies on it.
+        The first minute in which the wind triangle is settled gives the usual ratio. A sensor that was
+        never alive is not doubted, since nothing relies on it; one that repeats one number measures nothing.
         """
-        if not triangle > _MOVING_M_S or not np.isfinite(sensed):
-            return not self._doubted
+        if triangle > _MOVING_M_S and np.isfinite(sensed):
+            least, most = self._range if sensed == self._repeated > _ALIVE_M_S else (triangle, triangle)
+            self._repeated, self._range = sensed, (min(least, triangle), max(most, triangle))
+            self._compare(sensed, triangle, settled=settled)
+        return not self._doubted and self._range[1] - self._range[0] < _FROZEN_M_S
+
+    def _compare(self, sensed: float, triangle: float, *, settled: bool) -> None:
+        """Compare the airspeeds of a second."""
         if sensed <= _ALIVE_M_S:
             self._doubted |= self._alive_s >= _ALIVE_S
-            return not self._doubted
+            return
         self._alive_s += 1
         ratio = float(np.log(sensed / triangle))
         if self._offset is not None:
             self._recent.append(ratio - self._offset)
             self._decide()
-        elif settled:
+        if settled and len(self._early) < _EARLY_S[1]:
             self._early.append(ratio)
-            if len(self._early) == _EARLY_S:
+            if len(self._early) >= _EARLY_S[0]:
                 self._offset = float(np.median(self._early))
-        return not self._doubted
 
     def _decide(self) -> None:
         changes = np.array(self._recent)

@@ -313,6 +313,20 @@ def test_a_long_straight_leg_in_gusts_leaves_the_wind_that_turns_showed() -> Non
     np.testing.assert_allclose(triangle.wind, [-2.0, 1.0], atol=0.2)
 
 
+def test_a_velocity_that_leaps_begins_the_wind_anew() -> None:
+    triangle = WindTriangle()
+
+    def turn(wind: list[float]) -> None:
+        for heading in np.arange(0.0, 12.0, 0.2):
+            triangle.step(17.0 * np.array([np.cos(heading), np.sin(heading)]) + wind, heading)
+
+    turn([3.0, -4.0])
+    triangle.step(np.array([20.0 + 30.0, -4.0]), 0.0)
+    assert not triangle.is_settled
+    turn([2.0, 1.0])
+    np.testing.assert_allclose(triangle.wind, [2.0, 1.0], atol=0.01)
+
+
 def test_the_first_velocity_is_shared_by_airspeed_and_wind_as_they_are_uncertain() -> None:
     """A prior of 15 ± 50 m/s airspeed and of 0 ± 30 m/s wind, wider after a second; 1 m/s of the velocity."""
     grown = np.exp(1 / 60)
