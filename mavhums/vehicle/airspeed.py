@@ -275,8 +275,11 @@ class Airspeeds:
             known = np.isfinite(speed) & (speed >= 0.0)
             if known.any():
                 before_us, before = self._known.get(vehicle, (report.table.time_us[:0], speed[:0]))
-                time_us = np.concatenate([before_us, report.table.time_us[known]])
-                self._known[vehicle] = np.maximum.accumulate(time_us), np.concatenate([before, speed[known]])
+                # What came with the block before may be asked for until this one comes, however long it was.
+                kept = int(np.searchsorted(before_us, before_us[-1:] - _KEPT_US).sum())
+                time_us = np.concatenate([before_us[kept:], report.table.time_us[known]])
+                speed = np.concatenate([before[kept:], speed[known]])
+                self._known[vehicle] = np.maximum.accumulate(time_us), speed
 
     def at(self, vehicle: int, utc_us: Integers) -> Array:
         """Return the airspeed at increasing times, m/s, shape (n,); NaN where it is unknown."""
@@ -286,6 +289,4 @@ class Airspeeds:
         row = np.searchsorted(time_us, utc_us, side="right") - 1
         # Before the oldest that is kept, row is -1: that would be the newest.
         fresh = (row >= 0) & (utc_us - time_us[row] <= _STALE_US)
-        kept = max(int(np.searchsorted(time_us, utc_us[-1] - _KEPT_US)) - 1, 0)
-        self._known[vehicle] = time_us[kept:], speed[kept:]
         return np.where(fresh, speed[row], np.nan)

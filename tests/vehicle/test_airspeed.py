@@ -30,15 +30,15 @@ def test_an_airspeed_holds_three_seconds_and_none_is_below_zero() -> None:
     np.testing.assert_array_equal(airspeeds.at(1, np.array([9, 10, 13]) * SECOND), [np.nan, 25.0, 25.0])
 
 
-def test_the_airspeed_of_the_last_minute_is_known_and_older_ones_are_forgotten() -> None:
+def test_each_actuator_asks_for_all_of_a_block_and_a_minute_before_it() -> None:
     airspeeds = Airspeeds()
     airspeeds.feed(reported(*np.arange(200.0)))
     airspeeds.feed(reported(*np.arange(200.0), vehicle=2))
-    for until_s in (50, 199):
-        airspeeds.at(1, np.array([until_s * SECOND]))
-    times = np.arange(139, 200) * SECOND
-    np.testing.assert_array_equal(airspeeds.at(1, times), np.arange(139.0, 200.0))
-    assert np.isnan(airspeeds.at(1, np.array([130 * SECOND]))[0])
+    for _ in range(2):
+        np.testing.assert_array_equal(airspeeds.at(1, np.arange(200) * SECOND), np.arange(200.0))
+    airspeeds.feed(reported(200.0, 201.0, first_s=200))
+    np.testing.assert_array_equal(airspeeds.at(1, np.arange(139, 202) * SECOND), np.arange(139.0, 202.0))
+    assert np.isnan(airspeeds.at(1, np.array([138 * SECOND]))[0]), "forgotten"
     np.testing.assert_array_equal(airspeeds.at(2, np.array([3, 130]) * SECOND), [3.0, 130.0])
     assert airspeeds.at(1, np.array([], dtype=np.int64)).size == 0
 
