@@ -17,7 +17,7 @@ import argparse
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, cast
 
@@ -182,6 +182,25 @@ def logs_of(places: Sequence[Path]) -> Iterator[Path]:
         yield from (one for one in inside if one.name.lower().removesuffix(".gz").endswith(SUFFIXES))
 
 
+def report(logs: Sequence[Path], judge: Callable[[Path], tuple[int, list[str]]], change: str) -> int:
+    """Print what is worse in each log, as ``judge`` returns it with the number of its variants.
+
+    Return 1 if a subject is worse.
+    """
+    count, variants, bad = 0, 0, 0
+    for path in logs:
+        try:
+            judged_again, worse = judge(path)
+        except MavhumsError as error:
+            print(error, flush=True)
+            continue
+        count, variants, bad = count + 1, variants + judged_again, bad + len(worse)
+        heading = f"{path.name}: judged {judged_again} times where {change}, {len(worse)} worse"
+        print(heading, *worse, sep="\n    ", flush=True)
+    print(f"{count} logs, judged {variants} times where {change}: {bad} subjects worse")
+    return int(bad > 0)
+
+
 def main() -> int:
     """Judge all logs with less; return 1 if a subject is worse."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -191,19 +210,9 @@ def main() -> int:
     parser.add_argument("--only", default="")
     given = parser.parse_args()
     settings = Settings.read(None, airframe=given.airframe, store=given.store)
-    logs, total, bad = 0, 0, 0
     with tempfile.TemporaryDirectory() as folder:
-        for path in [*logs_of(given.places)] or [simulated(Path(folder))]:
-            try:
-                count, worse = run(path, settings, given.only)
-            except MavhumsError as error:
-                print(error, flush=True)
-                continue
-            logs, total, bad = logs + 1, total + count, bad + len(worse)
-            heading = f"{path.name}: judged {count} times with less, {len(worse)} worse"
-            print(heading, *worse, sep="\n    ", flush=True)
-    print(f"{logs} logs, judged {total} times with less: {bad} subjects worse")
-    return int(bad > 0)
+        logs = [*logs_of(given.places)] or [simulated(Path(folder))]
+        return report(logs, lambda path: run(path, settings, given.only), "there was less")
 
 
 if __name__ == "__main__":
