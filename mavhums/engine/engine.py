@@ -41,11 +41,9 @@ from mavhums.vehicle.arrivals import Received
 from mavhums.vehicle.clocks import Clocks
 from mavhums.vehicle.events import FlightEvents
 from mavhums.vehicle.identity import (
-    FLIGHT_MESSAGES,
     IDENTITY_MESSAGES,
     Identities,
     Identity,
-    RecordedFlights,
     date_of_file,
     date_shift_us,
 )
@@ -96,15 +94,14 @@ class Engine:
         airframe = None if options.airframe is None else load_airframe(options.airframe)
         telemetry = messages_for(airframe.actuators if airframe else ())
         self._vehicle_limit = VehicleLimit(telemetry - TEXT_MESSAGES)
-        wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | FLIGHT_MESSAGES
-        wanted |= AIRSPEED_MESSAGES | FAULT_MESSAGES
+        wanted = telemetry | TEXT_MESSAGES | IDENTITY_MESSAGES | AIRSPEED_MESSAGES | FAULT_MESSAGES
         wanted |= STATE_MESSAGES if options.vehicle_states else MODE_MESSAGES
         wanted |= SIGNAL_MESSAGES
         self._events = FlightEvents()
         self._axes = Axes(airframe, self._events, options)
         self._states = VehicleStates(modes_only=not options.vehicle_states)
         self._decoder = Decoder(wanted, dialect=options.dialect, key=options.key)
-        self._identities, self._recorded = Identities(), RecordedFlights()
+        self._identities = Identities()
         self._mappers = VehicleMappers(airframe)
         self._clocks = Clocks()
         self._actuators = Actuators(options, self._axes.setups)
@@ -210,10 +207,10 @@ class Engine:
 
     def _identity(self, vehicle: int) -> FlightIdentity:
         """Return the identity of a vehicle's flight."""
-        decoder = self._decoder
-        known, shift_us = self._recorded.of(vehicle), self._date_shift_us()
-        shifts = (0 if known.dated else shift_us, shift_us, shift_us)
-        times = zip((known.boot_us, decoder.first_time_us, decoder.last_time_us), shifts, strict=True)
+        decoder, shift_us = self._decoder, self._date_shift_us()
+        known, (dated_us, logged_us) = self._identities.of(vehicle), self._identities.boot(vehicle)
+        booted = (logged_us, shift_us) if dated_us is None else (dated_us, 0)
+        times = booted, (decoder.first_time_us, shift_us), (decoder.last_time_us, shift_us)
         boot, start, end = (
             None if t is None or by is None or shift_us is None else _utc(t + by).isoformat()
             for t, by in times
@@ -250,7 +247,6 @@ class Engine:
         admits = self._vehicle_limit.admits
         self._vehicle_limit.observe(tables)
         self._identities.feed(tables)
-        self._recorded.feed(tables)
         tables = self._clocks.feed(tables, admits)
         yield from self._listen(tables)
         self._actuators.hear(tables)
@@ -308,7 +304,7 @@ class Engine:
         """Return what must be added to the log's times for UTC; None if nothing dates it."""
         decoder = self._decoder
         ahead_us = None if decoder.undated else decoder.ahead_us
-        return date_shift_us(self._start_us, ahead_us, self._recorded.boots)
+        return date_shift_us(self._start_us, ahead_us, self._identities.boots)
 
     def _of_vehicle(self, vehicle: int, tier: Tier | None, indicators: bool) -> list[Verdict]:
         """Return the verdicts on a vehicle: its actuators first, then its axes."""

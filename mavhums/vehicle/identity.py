@@ -30,11 +30,10 @@ from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.formats.base import FactReport
 from mavhums.vehicle.states import kind_named, texts
 
-IDENTITY_MESSAGES: Final = messages_of("autopilot", "autopilot name", "board", "firmware", "text")
+IDENTITY_MESSAGES: Final = messages_of(
+    "autopilot", "autopilot name", "board", "boot", "firmware", "parameter", "text", "uptime"
+)
 """What :class:`Identities` reads."""
-
-FLIGHT_MESSAGES: Final = messages_of("board", "boot", "uptime", "parameter", "text")
-"""What :class:`RecordedFlights` reads."""
 
 _AUTOPILOTS: Final = {3: "ArduPilot", 4: "OpenPilot", 9: "Paparazzi", 12: "PX4", 13: "SMACCMPilot"}
 _KINDS: Final = {
@@ -115,9 +114,11 @@ class Identity:
     firmware
         Name or version, for example ``ArduPlane V4.5.7``.
     board
-        Unique id of the autopilot's board, hexadecimal, if a report gives it.
+        Unique id of the autopilot's board, hexadecimal, or else the operator's serial number.
     multirotor
         Whether it is a multirotor, which has no control surface.
+    boots
+        How often the board has booted, by its own count.
 
     Examples
     --------
@@ -131,6 +132,7 @@ class Identity:
     firmware: str | None = None
     board: str | None = None
     multirotor: bool = False
+    boots: int | None = None
 
     @property
     def software(self) -> str | None:
@@ -149,72 +151,108 @@ class Identity:
         return ", ".join(part for part in (self.kind, self.software) if part)
 
 
+class BootTimes(NamedTuple):
+    """A vehicle's boot by its own date, and by the log's times less its uptime, µs; None where not known."""
+
+    dated_us: int | None
+    logged_us: int | None
+
+
 class Identities:
-    """Follows the identities that vehicles report, block by block.
+    """Follows the identities and the boot times that vehicles report, block by block.
 
     Examples
     --------
-    >>> Identities().of(1)
-    Identity(vehicle=1, kind=None, autopilot=None, firmware=None, board=None, multirotor=False)
+    >>> Identities().of(1).board is None
+    True
     """
 
     def __init__(self) -> None:
         self._known: dict[int, Identity] = {}
         self._heard: set[int] = set()
+        self._numbers: dict[tuple[int, bytes], int] = {}
+        self._boots: dict[int, int] = {}
+        self._rough_boots: dict[int, int] = {}
 
     @property
     def vehicles(self) -> tuple[int, ...]:
         """System ids whose heartbeat is a vehicle's, not a ground station's or a peripheral's."""
         return tuple(sorted(self._heard))
 
+    @property
+    def boots(self) -> list[BootTimes]:
+        """The boot times of all vehicles, by both clocks."""
+        return [self.boot(vehicle) for vehicle in sorted({*self._boots, *self._rough_boots})]
+
     def of(self, vehicle: int) -> Identity:
         """Return the known identity of a vehicle."""
-        return self._known.get(vehicle, Identity(vehicle))
+        known = self._known.get(vehicle, Identity(vehicle))
+        serial = self._numbers.get((vehicle, _SERIAL))
+        board = known.board or (f"serial {serial}" if serial else None)
+        return replace(known, board=board, boots=self._numbers.get((vehicle, _BOOT_COUNT)))
+
+    def boot(self, vehicle: int) -> BootTimes:
+        """Return when a vehicle booted, as known so far."""
+        return BootTimes(self._boots.get(vehicle), self._rough_boots.get(vehicle))
 
     def feed(self, tables: Mapping[str, Table]) -> None:
-        """Take the identities in these messages."""
+        """Take the identities and the boot times in these messages."""
+        self._hear_autopilots(tables)
+        self._hear_texts(tables)
+        self._hear_boards(tables)
+        for report in reports(tables, "boot"):
+            _keep_first(self._boots, report, report.values)
+        # By the time of reception: some latency is in it, so that the clocks' own date comes first.
+        for report in reports(tables, "uptime"):
+            _keep_first(self._rough_boots, report, report.table.time_us - report.values)
+
+    def _hear_autopilots(self, tables: Mapping[str, Table]) -> None:
         for report in reports(tables, "autopilot"):
             rows = np.column_stack([report.table.system, report.values]).astype(np.int64)
             for system, kind, autopilot in _distinct(rows):
                 if autopilot != NO_AUTOPILOT and kind not in PERIPHERALS and system not in self._heard:
-                    self._take(system, kind, autopilot)
+                    self._heard.add(system)
+                    names = {"kind": _KINDS.get(kind), "autopilot": _AUTOPILOTS.get(autopilot)}
+                    self._note(system, **names, multirotor=kind in _MULTIROTORS)
         for report in reports(tables, "firmware"):
             for system, number in zip(report.table.system.tolist(), report.values.tolist(), strict=True):
-                known = self.of(system)
-                if number and not known.firmware:
-                    self._known[system] = replace(known, firmware=_version(number))
+                if number and not self.of(system).firmware:
+                    self._note(system, firmware=_version(number))
         for report in reports(tables, "autopilot name"):
             for system, name in zip(report.table.system.tolist(), report.texts, strict=True):
                 if name in _AUTOPILOTS.values():
-                    self._known[system] = replace(self.of(system), autopilot=name)
+                    self._note(system, autopilot=name)
+
+    def _hear_boards(self, tables: Mapping[str, Table]) -> None:
         for report in reports(tables, "board"):
             for system, board in zip(report.table.system.tolist(), report.texts, strict=True):
-                self._known[system] = replace(self.of(system), board=self.of(system).board or board)
-        self._texts(tables)
+                self._note_board(system, board)
+        for report in reports(tables, "parameter"):
+            own = np.isin(report.values["name"], (_SERIAL, _BOOT_COUNT))
+            names, numbers = report.values["name"][own].tolist(), report.values["bits"][own].view("<f4")
+            for system, name, number in zip(report.table.system[own].tolist(), names, numbers, strict=True):
+                if 1 <= number <= RANGES["parameter"][1]:
+                    self._numbers.setdefault((system, name), int(number))
 
-    def _take(self, system: int, kind: int, autopilot: int) -> None:
-        self._heard.add(system)
-        self._known[system] = replace(
-            self.of(system),
-            kind=_KINDS.get(kind),
-            autopilot=_AUTOPILOTS.get(autopilot),
-            multirotor=kind in _MULTIROTORS,
-        )
+    def _note(self, vehicle: int, **facts: Any) -> None:
+        self._known[vehicle] = replace(self._known.get(vehicle, Identity(vehicle)), **facts)
 
-    def _texts(self, tables: Mapping[str, Table]) -> None:
+    def _note_board(self, vehicle: int, board: str | None) -> None:
+        """Note the unique id of a vehicle's board, of which the first one counts."""
+        if board is not None and (vehicle not in self._known or self._known[vehicle].board is None):
+            self._note(vehicle, board=board)
+
+    def _hear_texts(self, tables: Mapping[str, Table]) -> None:
         for said in texts(tables):
+            self._note_board(said.vehicle, _board_in(said.text))
             match = _FIRMWARE.search(said.text)
             if match:
-                self._known[said.vehicle] = replace(self.of(said.vehicle), firmware=match[1])
+                self._note(said.vehicle, firmware=match[1])
             kind = kind_named(said.text)
             if kind is not None and said.vehicle not in self._heard:
                 several = kind in _MULTIROTORS  # one firmware serves all numbers of rotors
-                self._known[said.vehicle] = replace(
-                    self.of(said.vehicle),
-                    kind=_KINDS.get(_MULTIROTOR if several else kind),
-                    autopilot=_AUTOPILOTS[ARDUPILOT],
-                    multirotor=several,
-                )
+                name = _KINDS.get(_MULTIROTOR if several else kind)
+                self._note(said.vehicle, kind=name, autopilot=_AUTOPILOTS[ARDUPILOT], multirotor=several)
 
 
 def in_words(kind: int) -> str:
@@ -247,73 +285,6 @@ def _distinct(rows: NDArray[Any]) -> list[tuple[int, int, int]]:
     """Return the distinct rows of an (n, 3) array, in the order of their first appearance."""
     _, first = np.unique(rows, axis=0, return_index=True)
     return [(int(a), int(b), int(c)) for a, b, c in rows[np.sort(first)].tolist()]
-
-
-class BootTimes(NamedTuple):
-    """A vehicle's boot by its own date, and by the log's times less its uptime, µs; None where not known."""
-
-    dated_us: int | None
-    logged_us: int | None
-
-
-class FlightIds(NamedTuple):
-    """A board's unique id, and its boot in microseconds; None if the log does not contain it.
-
-    ``dated`` is whether the boot is UTC by the vehicle's own clocks; else it is in the log's times. ``boots``
-    is how often the board has booted, by its own count.
-    """
-
-    board: str | None
-    boot_us: int | None
-    dated: bool = False
-    boots: int | None = None
-
-
-class RecordedFlights:
-    """Follows the boards and boot times of the vehicles of a log, block by block.
-
-    The first value of each counts.
-    """
-
-    def __init__(self) -> None:
-        self._boards: dict[int, str] = {}
-        self._numbers: dict[tuple[int, bytes], int] = {}
-        self._boots: dict[int, int] = {}
-        self._rough_boots: dict[int, int] = {}
-
-    def feed(self, tables: Mapping[str, Table]) -> None:
-        """Take tables of messages."""
-        for said in texts(tables):
-            board = _board_in(said.text)
-            if board is not None:
-                self._boards.setdefault(said.vehicle, board)
-        for report in reports(tables, "board"):
-            for system, board in zip(report.table.system.tolist(), report.texts, strict=True):
-                self._boards.setdefault(system, board)
-        for report in reports(tables, "parameter"):
-            own = np.isin(report.values["name"], (_SERIAL, _BOOT_COUNT))
-            names, numbers = report.values["name"][own].tolist(), report.values["bits"][own].view("<f4")
-            for system, name, number in zip(report.table.system[own].tolist(), names, numbers, strict=True):
-                if 1 <= number <= RANGES["parameter"][1]:
-                    self._numbers.setdefault((system, name), int(number))
-        for report in reports(tables, "boot"):
-            _keep_first(self._boots, report, report.values)
-        # By the time of reception: some latency is in it, so that the clocks' own date comes first.
-        for report in reports(tables, "uptime"):
-            _keep_first(self._rough_boots, report, report.table.time_us - report.values)
-
-    @property
-    def boots(self) -> list[BootTimes]:
-        """The boot times of all vehicles, by both clocks."""
-        vehicles = sorted({*self._boots, *self._rough_boots})
-        return [BootTimes(self._boots.get(each), self._rough_boots.get(each)) for each in vehicles]
-
-    def of(self, vehicle: int) -> FlightIds:
-        """Return the board and the boot time of a vehicle, as known so far."""
-        serial = self._numbers.get((vehicle, _SERIAL))
-        board = self._boards.get(vehicle, f"serial {serial}" if serial else None)
-        boot_us = self._boots.get(vehicle, self._rough_boots.get(vehicle))
-        return FlightIds(board, boot_us, vehicle in self._boots, self._numbers.get((vehicle, _BOOT_COUNT)))
 
 
 def _board_in(text: str) -> str | None:

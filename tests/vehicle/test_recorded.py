@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as v2
 from mavhums import analyse
 from mavhums.log import Decoder
 from mavhums.results.sections import FlightIdentity
-from mavhums.vehicle.identity import RecordedFlights
+from mavhums.vehicle.identity import Identities
 from mavhums_sim import Flight, fly, write_dataflash, write_tlog
 from mavhums_sim.link import BOOT_US, EPOCH_US, Link
 from tests.log.dataflash.synthetic import definition, fmt_of_fmt, record
@@ -21,8 +21,8 @@ from tests.strategies import START_US
 from tests.vehicle.tables import version
 
 
-def heard(*messages: object) -> RecordedFlights:
-    identities = RecordedFlights()
+def heard(*messages: object) -> Identities:
+    identities = Identities()
     identities.feed(Decoder().feed(packed(messages, step_us=0), final=True))
     return identities
 
@@ -39,7 +39,7 @@ def test_px4s_board_is_the_same_in_a_message_and_in_a_ulog() -> None:
     uid = bytes([0, 6, 0, 0, 0, 0, *range(0x30, 0x3C)])
     told = writer.keyed("I", "char[36] sys_uuid", uid.hex().encode())
     log = writer.flight(1.0).replace(writer.keyed("I", "char[3] sys_name", b"PX4"), told)
-    identities = RecordedFlights()
+    identities = Identities()
     identities.feed(Decoder().feed(log, final=True))
     assert identities.of(7).board == heard(version(uid2=uid)).of(1).board == uid.hex().upper()
 
@@ -70,9 +70,9 @@ def test_a_serial_number_stands_for_a_board_that_is_not_told() -> None:
 def test_the_satellites_time_goes_before_that_of_reception() -> None:
     time = v2.MAVLink_system_time_message(START_US + 7_000_000, 4000)
     attitude = v2.MAVLink_attitude_message(4000, 0, 0, 0, 0, 0, 0)
-    assert heard(attitude).of(1).boot_us == START_US - 4_000_000
-    assert heard(attitude, time).of(1).boot_us == START_US + 3_000_000
-    assert heard(v2.MAVLink_system_time_message(0, 4000)).of(1).boot_us is None
+    assert heard(attitude).boot(1) == (None, START_US - 4_000_000)
+    assert heard(attitude, time).boot(1).dated_us == START_US + 3_000_000
+    assert heard(v2.MAVLink_system_time_message(0, 4000)).boot(1) == (None, None)
 
 
 def test_one_flight_recorded_twice_is_one_flight(tmp_path: Path) -> None:
