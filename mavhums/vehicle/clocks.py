@@ -47,9 +47,8 @@ class Clocks:
         self.copies, self.broken = Counter[str](), Counter[str]()
         self._buses = PX4Buses()
         self._vehicles: dict[int, VehicleClock] = {}
-        self._seen: dict[tuple[str, int], tuple[int, NDArray[np.uint64]]] = {}
+        self._seen: dict[tuple[str, int], tuple[Integers, NDArray[np.uint64]]] = {}
         self._routes: dict[int, int] = {}
-        self._echoes: dict[tuple[str, int], tuple[Integers, NDArray[np.uint64]]] = {}
         self._orders: dict[tuple[str, int], _Order] = {}
         self._mixed: dict[int | None, set[str]] = {}
         self._restarts: list[tuple[int, int, int, int]] = []
@@ -134,7 +133,7 @@ class Clocks:
         flags = table.flags | np.where(worth == LOOSE, LOOSE_TIME, 0).astype(np.uint8)
         table = replace(table, time_us=time_us, flags=flags)
         broken = worth == BROKEN
-        copied = self._copied(table, ~broken) if stamp is not None else self._echoed(table)
+        copied = self._copied(table, ~broken, stamped=stamp is not None)
         if stamp is not None:
             lap_us = _LAPS_US[_COUNTERS[stamp][0]]
             self._follow_order(table, ~copied & (stamp_us > 0), stamp_us, received_us // _PERIOD_US, lap_us)
@@ -165,45 +164,33 @@ class Clocks:
             self._orders[table.name, sender] = order._replace(stamp_us=int(stamps[-1]))
             _forget_oldest(self._orders)
 
-    def _copied(self, table: Table, sound: Flags) -> Flags:
-        """Return which messages arrived before: same sender, time, sequence number and content."""
-        copied = np.zeros(len(table), dtype=np.bool_)
-        codes = _codes(table)
-        for sender, rows in each(table.system.astype(np.int64) * 256 + table.component, sound):
-            time_us, new = table.time_us[rows], codes[rows]
-            latest_us, before = self._seen.pop((table.name, sender), (int(time_us[0]) - 1, codes[:0]))
-            known = np.concatenate([before, new])
-            if time_us[0] <= latest_us or (np.diff(time_us) <= 0).any():
-                copied[rows] = again = _repeated(known)[before.size :]
-                if again.any():
-                    first = int(table.frame[rows][again][0])
-                    self._routes[sender] = min(first, self._routes.get(sender, first))
-            self._seen[table.name, sender] = max(latest_us, int(time_us.max())), known[-_REMEMBERED:].copy()
-            _forget_oldest(self._seen)
-        return copied
-
-    def _echoed(self, table: Table) -> Flags:
-        """Return which messages without a stamp arrived before: same sender, sequence number and content.
+    def _copied(self, table: Table, sound: Flags, *, stamped: bool) -> Flags:
+        """Return which messages arrived before: same sender, stamp, sequence number and content.
 
         Without a stamp, the same content and 8-bit sequence number may be a new message, too. So only senders
         whose stamped messages came over several routes are checked, and only over seconds.
         """
         copied = np.zeros(len(table), dtype=np.bool_)
-        if not self._routes:
+        if not (stamped or self._routes):
             return copied
-        codes = _codes(table, timed=False)
-        for sender, rows in each(table.system.astype(np.int64) * 256 + table.component):
-            if sender not in self._routes:
-                continue
+        codes = _codes(table, timed=stamped)
+        for sender, rows in each(table.system.astype(np.int64) * 256 + table.component, sound):
             places = np.arange(len(table))[rows]
-            places = places[table.frame[places] > self._routes[sender]]
-            heard_us, before = self._echoes.pop((table.name, sender), (table.time_us[:0], codes[:0]))
+            if not stamped:  # what came before the second route was found is no copy
+                places = places[table.frame[places] > self._routes.get(sender, 1 << 62)]
+            if not places.size:
+                continue
+            heard_us, before = self._seen.pop((table.name, sender), (table.time_us[:0], codes[:0]))
             time_us = np.concatenate([heard_us, table.time_us[places]])
             known = np.concatenate([before, codes[places]])
-            copied[places] = _repeated(known, time_us)[before.size :]
-            late = time_us >= time_us.max(initial=0) - _ECHO_US
-            self._echoes[table.name, sender] = time_us[late][-_REMEMBERED:], known[late][-_REMEMBERED:]
-            _forget_oldest(self._echoes)
+            if not stamped or (np.diff(time_us) <= 0).any():
+                copied[places] = again = _repeated(known, time_us)[before.size :]
+                if stamped and again.any():
+                    first = int(table.frame[places][again][0])
+                    self._routes[sender] = min(first, self._routes.get(sender, first))
+            recent = stamped | (time_us >= time_us.max(initial=0) - _ECHO_US)
+            self._seen[table.name, sender] = time_us[recent][-_REMEMBERED:], known[recent][-_REMEMBERED:]
+            _forget_oldest(self._seen)
         return copied
 
 
@@ -237,16 +224,12 @@ def _codes(table: Table, *, timed: bool = True) -> NDArray[np.uint64]:
     return words @ np.resize(_WEIGHTS, words.shape[1])
 
 
-def _repeated(codes: NDArray[np.uint64], time_us: Integers | None = None) -> Flags:
-    """Return which codes occurred among those remembered before them, however the log is cut.
-
-    With times, only among those of the seconds before.
-    """
+def _repeated(codes: NDArray[np.uint64], time_us: Integers) -> Flags:
+    """Return which codes occurred among those of the seconds before them, however the log is cut."""
     order = np.argsort(codes, kind="stable")
     again = np.zeros(codes.size, dtype=np.bool_)
     same = (codes[order][1:] == codes[order][:-1]) & (np.diff(order) <= _REMEMBERED)
-    if time_us is not None:
-        same &= np.diff(time_us[order]) <= _ECHO_US
+    same &= np.diff(time_us[order]) <= _ECHO_US
     again[order[1:][same]] = True
     return again
 

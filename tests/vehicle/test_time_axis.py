@@ -286,7 +286,7 @@ def test_only_the_sender_with_a_second_route_has_copies() -> None:
 def test_of_many_senders_only_the_last_messages_of_those_heard_last_are_remembered(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(clocks_module, "_STREAMS", 3)
+    monkeypatch.setattr(clocks_module, "_STREAMS", 6)  # three senders of two messages
     monkeypatch.setattr(clocks_module, "_REMEMBERED", 2)
     clocks = Clocks()
     for component in (1, 2, 3, 1, 4):
@@ -295,7 +295,5 @@ def test_of_many_senders_only_the_last_messages_of_those_heard_last_are_remember
             part.component[:] = component
         clocks.feed(whole)
     senders = [256 + component for component in (3, 1, 4)]
-    assert [sender for _, sender in clocks._seen] == senders
-    assert [sender for _, sender in clocks._echoes] == senders
-    assert {codes.size for _, codes in clocks._seen.values()} == {2}
-    assert {(times.size, codes.size) for times, codes in clocks._echoes.values()} == {(2, 2)}
+    assert [*clocks._seen] == [(name, one) for one in senders for name in ("ATTITUDE", "VFR_HUD")]
+    assert {(times.size, codes.size) for times, codes in clocks._seen.values()} == {(2, 2)}
