@@ -7,9 +7,7 @@ of its own. The verdicts do not depend on how the input is cut into blocks.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Final
 
 from mavhums.actuator.mapping import (
     AirframeNamed,
@@ -59,19 +57,6 @@ from mavhums.vehicle.states import (
 )
 from mavhums.vehicle.vtol import refined_identity
 
-_SILENT_LOOKS: Final = 30
-"""How often a silent vehicle is shown as it was: 255 that said something once cost 4 % of a core else."""
-
-
-@dataclass(slots=True)
-class _VehicleReview:
-    """What is known of a vehicle after so many messages, and how often it may be shown again."""
-
-    heard: int
-    verdicts: tuple[Verdict, ...]
-    usage: VehicleUsage | None
-    again: int
-
 
 class Engine:
     """Follows a telemetry log or link, block by block, in constant memory.
@@ -107,7 +92,6 @@ class Engine:
         self._actuators = Actuators(options, self._axes.setups)
         self._options = options
         self._opening: list[Event] = [] if airframe is None else [AirframeNamed(0.0, None, airframe)]
-        self._looks: dict[int, _VehicleReview] = {}
 
     def feed(self, block: bytes) -> list[Event]:
         """Take the next bytes and return the events that they cause."""
@@ -136,10 +120,10 @@ class Engine:
         for key, count in decoder.counts.items():
             told.get(key[0], {})[key] = count
         names = self._mappers.airframes
-        looks = [self._look(vehicle, sent, indicators) for vehicle, sent in told.items()]
         mixed = self._clocks.mixed
-        alone = [verdict for look in looks for verdict in look.verdicts]
-        alone += [] if vehicles else unjudged_vehicle(None, None)
+        alone = [] if vehicles else [*unjudged_vehicle(None, None)]
+        for vehicle, sent in told.items():
+            alone += self._of_vehicle(vehicle, self._mappers.tier(vehicle, sent), indicators)
         verdicts = tuple(with_advice(of_several_senders(one, mixed.get(one.vehicle))) for one in alone)
         events, left_out = self._events.gathered(self._axes.by_rotors(), mixed)
         duration_s = 0.0 if first is None or last is None else (last - first) / 1e6
@@ -163,23 +147,10 @@ class Engine:
             airframe=", ".join(names) or None,
             model=next((said for said in map(summary_of, self._options.models) if said in voted), None),
             verdicts=verdicts,
-            usage=tuple(look.usage for look in looks if look.usage is not None),
+            usage=tuple(filter(None, map(self._usage, vehicles))),
             events=events,
             events_left_out=left_out,
         )
-
-    def _look(self, vehicle: int, told: dict[tuple[int, int, str], int], indicators: bool) -> _VehicleReview:
-        """Return what is known of a vehicle; between whole assessments, of one that is silent as it was."""
-        heard = sum(told.values())
-        kept = self._looks.get(vehicle)
-        if kept is not None and not indicators and kept.heard == heard and kept.again:
-            kept.again -= 1
-            return kept
-        verdicts = tuple(self._of_vehicle(vehicle, self._mappers.tier(vehicle, told), indicators))
-        look = _VehicleReview(heard, verdicts, self._usage(vehicle), _SILENT_LOOKS)
-        if not indicators:
-            self._looks[vehicle] = look
-        return look
 
     def profiles(self) -> dict[tuple[int, str], str]:
         """Return the name of the profile by which each vehicle's actuators are judged."""

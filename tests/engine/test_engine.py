@@ -480,29 +480,3 @@ def test_baselines_reach_the_actuator_that_they_are_of(growing_record: FlightRec
     assert "friction_drift" in [e.kind for e in rudder.evidence]
     assert next(i for i in rudder.indicators if i.fault == "friction").baseline is not None
     assert of(assessment, "aileron_left").condition == "normal"
-
-
-def test_a_silent_vehicle_is_not_judged_again_at_each_look(monkeypatch: pytest.MonkeyPatch) -> None:
-    def said(system: int, second: int) -> bytes:
-        voice = v2.MAVLink(None, srcSystem=system, srcComponent=1)
-        frame = v2.MAVLink_heartbeat_message(1, 3, 0, 0, 4, 3).pack(voice)
-        return struct.pack(">Q", 1_767_258_000_000_000 + second * 1_000_000) + bytes(frame)
-
-    engine = Engine()
-    engine.feed(b"".join(said(system, 0) for system in range(1, 51)))
-    engine.assessment(indicators=False)
-    judged: list[int] = []
-    whole = Engine._of_vehicle
-
-    def counted(self: Engine, vehicle: int, *given: Any) -> list[Verdict]:
-        judged.append(vehicle)
-        return whole(self, vehicle, *given)
-
-    monkeypatch.setattr(Engine, "_of_vehicle", counted)
-    for second in range(1, 11):
-        engine.feed(said(7, second))
-        shown = engine.assessment(indicators=False)
-    assert judged == [7] * 10
-    judged.clear()
-    assert engine.assessment().verdicts == shown.verdicts
-    assert len(judged) == 50, "a whole assessment judges all"
