@@ -15,24 +15,16 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from mavhums.actuator.profile import Airframe, packaged_airframes, packaged_text
-from mavhums.actuator.telemetry import TIERS
-from mavhums.core.arrays import Flags, Integers
 from mavhums.core.errors import MavhumsError
 from mavhums.log import Decoder, Table, decode_blocks
-from mavhums.log.base.decoder import text_of
-from mavhums.vehicle.formats import SERVO_SOURCES, messages_of, reports
-from mavhums.vehicle.formats.base import FactReport
+from mavhums.vehicle.formats import messages_of, reports
 from mavhums.vehicle.parameters import (
     Output,
     Parameters,
-    ReceivedParameters,
     control_surfaces,
     read_parameters,
 )
@@ -74,19 +66,10 @@ def announcements(tables: Mapping[str, Table]) -> Iterator[Announcement]:
 DRAFTED: Final = "drafted"
 """Name of a profile that nobody has named: the same for every flight, so that these can be compared."""
 
-_SETTLED_US: Final = 5_000_000
-"""A profile is drafted this long after the last parameter of an output and the first telemetry, µs: a list of
-parameters comes without longer breaks, and every named value that is sent once a second has come by then."""
-
 _MOST_NAMES: Final = 1000  # of a log: a sender that makes up names cannot fill the memory
-_MOST_VEHICLES: Final = 64  # that may still name a profile: each costs memory, and a sender can forge any
 _FEW: Final = 4  # names in a notice: more are no more readable
 
 _SERVO_VALUE: Final = re.compile(r"S(\d{1,2})(Cmd|Pos|V|A|Spd|RPM)")
-_OF_OUTPUTS: Final = re.compile(r"(SERVO|PWM_|CA_SV|UAVCAN_SV).*")
-_NAMES_SERVO: Final = {tier.name: tier.names_servo for tier in TIERS}
-_NAMING: Final = tuple(source for source in SERVO_SOURCES if _NAMES_SERVO[source.tier])
-_READ: Final = messages_of("parameter", "script value") | {source.message for source in _NAMING}
 
 _HEAD = """\
 # DRAFT of an airframe profile, from the parameters of vehicle {vehicle} in {log}.
@@ -260,8 +243,9 @@ def guesses_for(servo: int, names: Collection[str]) -> Iterator[QuantityGuess]:
             yield QuantityGuess(key, own[suffix], scale, taken_for)
 
 
-Places = tuple[Integers, Integers]
-"""Frames and times of messages, in the order of the log."""
+def is_guessed(name: str) -> bool:
+    """Return whether a named value seems to be a quantity of a servo."""
+    return _SERVO_VALUE.fullmatch(name) is not None
 
 
 class Draft(NamedTuple):
@@ -285,140 +269,7 @@ class Draft(NamedTuple):
         )
 
 
-@dataclass(slots=True)
-class _UnprofiledVehicle:
-    """What a vehicle without a profile has sent: the times of its last parameter and its first telemetry."""
-
-    parameter_us: int | None = None
-    telemetry_us: int | None = None
-    names: set[str] = field(default_factory=set)
-
-
-class Drafts:
-    """Drafts the profiles of vehicles that name none, block after block."""
-
-    def __init__(self) -> None:
-        self._vehicles: dict[int, _UnprofiledVehicle] = {}
-        self._received = ReceivedParameters()
-        self._done: set[int] = set()
-
-    def give_up(self, vehicle: int) -> None:
-        """Draft no profile for a vehicle: it names one."""
-        self._done.add(vehicle)
-        self._vehicles.pop(vehicle, None)
-
-    def feed(self, tables: Mapping[str, Table]) -> Iterator[Draft]:
-        """Yield the profiles that can be drafted now."""
-        open_ = {name: self._without_done(tables[name]) for name in _READ & tables.keys()}
-        parameters = [*_of_outputs(open_)]
-        telemetry = {name: open_[name].select(rows) for name, rows in _telemetry(open_) if rows.any()}
-        parts = [*(report.table for report in parameters), *telemetry.values()]
-        systems = np.unique(np.concatenate([[], *(table.system for table in parts)])).astype(int)
-        for vehicle in systems.tolist():
-            if vehicle not in self._vehicles and len(self._vehicles) >= _MOST_VEHICLES:
-                continue
-            sent = [report.select(report.table.system == vehicle) for report in parameters]
-            own = {name: table.select(table.system == vehicle) for name, table in telemetry.items()}
-            draft = self._draft(vehicle, sent, own, tables)
-            if draft is not None:
-                self.give_up(vehicle)
-                yield draft
-        self._received.add_autopilots(tables)
-
-    def _without_done(self, table: Table) -> Table:
-        """Return the messages of vehicles for which a profile may be drafted."""
-        return table.select(~np.isin(table.system, [*self._done])) if self._done else table
-
-    def _draft(
-        self, vehicle: int, sent: list[FactReport], telemetry: dict[str, Table], tables: Mapping[str, Table]
-    ) -> Draft | None:
-        """Take one vehicle's messages up to the first at which its profile can be drafted."""
-        known = self._vehicles.setdefault(vehicle, _UnprofiledVehicle())
-        frames, times = _in_order([*telemetry.values()])
-        sent_frames, sent_us = _in_order([report.table for report in sent])
-        while True:
-            place = _first_settled(known, (frames, times), (sent_frames, sent_us))
-            until = np.iinfo(np.int64).max if place is None else int(frames[place])
-            self._take(known, sent, telemetry, until, tables)
-            if place is None:
-                return None
-            if outputs := control_surfaces(self._received.of(vehicle)):
-                text = f'name = "{DRAFTED}"\n{_sections(outputs, known.names)}'
-                airframe = Airframe.model_validate(tomllib.loads(text))
-                guesses = tuple(sorted(filter(_SERVO_VALUE.fullmatch, known.names)))
-                return Draft(vehicle, until, int(times[place]), airframe, guesses)
-            later = sent_frames[sent_frames > until]  # no surface is named yet: with the next parameters
-            if not later.size:
-                known.parameter_us = None
-                frames, times = frames[:0], times[:0]
-                continue
-            keep = frames > later[0]
-            frames, times = frames[keep], times[keep]
-
-    def _take(
-        self,
-        known: _UnprofiledVehicle,
-        sent: list[FactReport],
-        telemetry: dict[str, Table],
-        until: int,
-        tables: Mapping[str, Table],
-    ) -> None:
-        self._received.add_autopilots(tables, before=until)
-        for report in sent:
-            new = report.select(report.table.frame < until)
-            if len(new.table):
-                self._received.add_parameters(new)
-                known.parameter_us = max(known.parameter_us or 0, int(new.table.time_us.max()))
-        for name, table in telemetry.items():
-            fresh = table.select(table.frame <= until)
-            if len(fresh):
-                first = int(fresh.time_us.min())
-                known.telemetry_us = first if known.telemetry_us is None else min(known.telemetry_us, first)
-            for report in reports({name: fresh}, "script value"):
-                if len(known.names) < _MOST_NAMES:
-                    known.names.update(report.texts)
-
-
-def _first_settled(known: _UnprofiledVehicle, telemetry: Places, parameters: Places) -> int | None:
-    """Return the first row of telemetry long enough after the first one and after the last parameter."""
-    frames, times = telemetry
-    if not frames.size:
-        return None
-    first = int(times[0]) if known.telemetry_us is None else known.telemetry_us
-    never = np.iinfo(np.int64).max // 2  # without a parameter nothing is settled
-    last = np.concatenate([[never if known.parameter_us is None else known.parameter_us], parameters[1]])
-    latest = last[np.searchsorted(parameters[0], frames)]
-    settled = np.flatnonzero((times - first >= _SETTLED_US) & (times - latest >= _SETTLED_US))
-    return int(settled[0]) if settled.size else None
-
-
-def _of_outputs(tables: Mapping[str, Table]) -> Iterator[FactReport]:
-    """Yield the parameters of outputs."""
-    for report in reports(tables, "parameter"):
-        names = map(text_of, report.values["name"].tolist())
-        found = report.select(np.array([_OF_OUTPUTS.fullmatch(name) is not None for name in names]))
-        if len(found.table):
-            yield found
-
-
-def _telemetry(tables: Mapping[str, Table]) -> Iterator[tuple[str, Flags]]:
-    """Yield which messages are telemetry of a servo that they name."""
-    for source in _NAMING:
-        table = tables.get(source.message)
-        if table is None:
-            continue
-        rows = np.ones(len(table), dtype=bool) if source.marked is None else source.marked(table)
-        for report in reports({source.message: table}, "script value"):
-            names, row = np.unique(report.values, return_inverse=True)
-            guessed = [_SERVO_VALUE.fullmatch(text_of(name)) is not None for name in names.tolist()]
-            rows = rows | np.array(guessed, dtype=bool)[row]
-        yield source.message, rows
-
-
-def _in_order(tables: list[Table]) -> Places:
-    """Return frames and times of messages, in the order of the log."""
-    none = np.empty(0, dtype=np.int64)
-    frames = np.concatenate([none, *(table.frame for table in tables)])
-    times = np.concatenate([none, *(table.time_us for table in tables)])
-    order = np.argsort(frames, kind="stable")
-    return frames[order], times[order]
+def drafted_airframe(parameters: Parameters, named: Collection[str]) -> Airframe:
+    """Return the profile of the control surfaces that parameters name; ``named`` are names of values."""
+    text = f'name = "{DRAFTED}"\n{_sections(control_surfaces(parameters), named)}'
+    return Airframe.model_validate(tomllib.loads(text))

@@ -15,7 +15,7 @@ import numpy as np
 
 from mavhums.actuator.align import Aligned, Aligner
 from mavhums.actuator.derive import REPORTED, Deriver
-from mavhums.actuator.draft import Announcement, Draft, Drafts, announcements
+from mavhums.actuator.draft import Announcement, Draft, announcements
 from mavhums.actuator.plausibility import NOT_USED, Freshness, Gate, OneServo, Travel
 from mavhums.actuator.profile import Actuator, Airframe, ProfileError, load_airframe
 from mavhums.actuator.telemetry import TIERS, Reading, Tier, best_tier, read, tiers_by_content
@@ -297,7 +297,6 @@ class VehicleMappers:
         self._given = airframe
         self._mappers = [] if airframe is None else [Mapper(airframe)]
         self._told: set[tuple[int, str]] = set()
-        self._drafting = Drafts()
         self.drafts: dict[int, Draft] = {}
 
     @property
@@ -311,7 +310,6 @@ class VehicleMappers:
         for said in announcements(tables):
             if self._given is None and (said.vehicle in self.drafts or self.mapper(said.vehicle) is None):
                 if said.known:
-                    self._drafting.give_up(said.vehicle)
                     if drafted := self.drafts.pop(said.vehicle, None):
                         self._mappers = [one for one in self._mappers if one.airframe is not drafted.airframe]
                     self._mappers.append(
@@ -320,15 +318,10 @@ class VehicleMappers:
                 mapper = self.mapper(said.vehicle)
                 yield said, mapper.airframe if mapper else None
 
-    def draft(self, tables: Mapping[str, Table]) -> Iterator[Draft]:
-        """Yield the profiles that are drafted with these messages; after :meth:`listen`."""
-        if self._given is not None:
-            return
-        for draft in self._drafting.feed(tables):
-            if self.mapper(draft.vehicle) is None:
-                self.drafts[draft.vehicle] = draft
-                self._mappers.append(Mapper(draft.airframe, vehicle=draft.vehicle, from_frame=draft.frame))
-                yield draft
+    def use(self, draft: Draft) -> None:
+        """Map a vehicle by a drafted profile."""
+        self.drafts[draft.vehicle] = draft
+        self._mappers.append(Mapper(draft.airframe, vehicle=draft.vehicle, from_frame=draft.frame))
 
     def feed(
         self, tables: Mapping[str, Table], *, final: bool = False

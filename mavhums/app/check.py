@@ -8,6 +8,7 @@ reached, what the angle lags behind either way, roughness, and the friction in a
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,7 @@ from mavhums.actuator.mapping import MappedSamples, VehicleMappers, messages_for
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.core.arrays import Array, Flags, Integers
 from mavhums.core.errors import MavhumsError
+from mavhums.engine.axes import Axes
 from mavhums.health.estimation.slots import SlotCutter, with_extra_columns
 from mavhums.health.estimation.strokes import Stroke, Strokes, pairs_of
 from mavhums.log import Decoder, Table, decode_blocks
@@ -162,18 +164,18 @@ def check_log(
     """
     given = None if airframe is None else load_airframe(airframe)
     wanted = messages_for(given.actuators if given else ()) | SIGNAL_MESSAGES | TEXT_MESSAGES
-    decoder, fleet, clocks, standing = (
-        Decoder(wanted, dialect=dialect),
-        VehicleMappers(given),
-        Clocks(),
-        _Standing(),
-    )
+    decoder, clocks, standing = Decoder(wanted, dialect=dialect), Clocks(), _Standing()
+    fleet, axes = VehicleMappers(given), Axes(given)
     tracks: dict[tuple[int, str], tuple[SlotCutter, Strokes]] = {}
     for read, _, final in decode_blocks(path, decoder, dialect=dialect, progress=progress):
         tables = clocks.feed(read)
         standing.feed(tables)
-        for _ in (*fleet.listen(tables), *fleet.draft(tables)):
-            pass
+        for said, named in fleet.listen(tables):
+            if named is not None:
+                axes.announce(said.vehicle, said.frame, named)
+        deque(axes.feed(tables, decoder.first_time_us or 0, final=final), maxlen=0)
+        for draft in axes.drafted():
+            fleet.use(draft)
         for _, mapped in fleet.feed(tables, final=final):
             key = mapped.vehicle, mapped.actuator.name
             track = tracks.setdefault(key, (SlotCutter(), Strokes(mapped.actuator)))

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
 
+from mavhums.actuator.draft import Draft
 from mavhums.actuator.profile import Airframe
+from mavhums.engine.drafts import Drafts, telemetry_of_servos
 from mavhums.engine.options import EngineOptions
 from mavhums.engine.vehicle_axes import AxisEvent, VehicleAxes
 from mavhums.engine.vehicle_setup import SetupHistory
@@ -54,6 +57,7 @@ class Axes:
         self._received = ReceivedParameters()
         self._vehicles: dict[int, VehicleAxes] = {}
         self._announced: list[tuple[int, int, Airframe]] = []
+        self._drafts, self._drafted = Drafts(), list[Draft]()
 
     def vehicle(self, vehicle: int) -> VehicleAxes | None:
         """Return the axes of a vehicle; None if it reported nothing about its flight."""
@@ -121,6 +125,12 @@ class Axes:
         """Apply the profile that a vehicle named at a place in the log; before the tables of that place."""
         if self._airframe is None:
             self._announced.append((vehicle, frame, airframe))
+            self._drafts.give_up(vehicle)
+
+    def drafted(self) -> list[Draft]:
+        """Return the profiles that were drafted since the last call; none where one was given."""
+        drafted, self._drafted = self._drafted, []
+        return drafted
 
     def _hear(
         self,
@@ -142,6 +152,13 @@ class Axes:
                 own = sent.select(sent.table.system == vehicle)
                 self._take_parameters(axes_of(vehicle), own, tables, signals.get(vehicle, ()))
         self._received.add_autopilots(tables)
+        if self._airframe is None:
+            for vehicle, telemetry in telemetry_of_servos(tables):
+                if vehicle in self._vehicles:
+                    axes = self._vehicles[vehicle]
+                    reached_s = partial(axes.grid.reached_s, signals=signals.get(vehicle, ()))
+                    draft = self._drafts.feed(vehicle, telemetry, axes.setups, reached_s)
+                    self._drafted += [draft] if draft else []
 
     def _take_parameters(
         self, axes: VehicleAxes, sent: FactReport, tables: Mapping[str, Table], signals: Sequence[Signal]

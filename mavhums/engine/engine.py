@@ -230,6 +230,9 @@ class Engine:
             if self.options.vehicle_states:
                 yield state
         yield from self._axes.feed(tables, start_us, admits=admits, final=final)
+        for draft in self._axes.drafted():
+            self._mappers.use(draft)
+            yield AirframeNamed(self._flight_time(draft.time_us), draft.vehicle, draft.airframe)
         settled = list(self._mappers.feed(tables, final=final))
         for vehicle, time_us in self._clocks.jumps():
             if admits(vehicle):
@@ -250,8 +253,6 @@ class Engine:
                 yield AirframeNamed(time_s, said.vehicle, airframe)
             else:
                 yield Notice(time_s, said.vehicle, f"names the unknown airframe {said.name}")
-        for draft in self._mappers.draft(tables):
-            yield AirframeNamed(self._flight_time(draft.time_us), draft.vehicle, draft.airframe)
         for spoken in texts(tables):
             if spoken.text and not spoken.text.startswith("mavhums airframe="):
                 time_s = self._flight_time(spoken.time_us)

@@ -116,6 +116,11 @@ class SetupHistory:
         """Return what applies in a flight second."""
         return self._states[bisect_right(self._times, second)]
 
+    def settled(self, second: int) -> VehicleSetup:
+        """Return what applies in a flight second; nothing while something else was read before it."""
+        due = self.next_s(second)
+        return VehicleSetup() if due is not None and due < second + _APPLIES_S else self.at(second)
+
     def next_s(self, second: int) -> int | None:
         """Return the first flight second after this one from which something else applies."""
         k = bisect_right(self._times, second)
