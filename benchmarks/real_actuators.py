@@ -36,7 +36,8 @@ from benchmarks._real_logs import (
     with_current,
     write_log,
 )
-from mavhums.actuator.profile import Ema, packaged_servo_types
+from mavhums.actuator.profile import Ema
+from mavhums.actuator.servo_types import packaged_servo_types
 from mavhums.app.identify import identify
 from mavhums.core.errors import MavhumsError
 from mavhums.health.decision.baseline import PastRecord

@@ -17,7 +17,7 @@ from mavhums.core.about import __version__ as __version__
 from mavhums.core.startup import lazy_exports
 
 if TYPE_CHECKING:
-    from mavhums.actuator.mapping import actuators as actuators
+    from mavhums.actuator.history import actuators as actuators
     from mavhums.actuator.profile import ProfileError as ProfileError
     from mavhums.actuator.profile import load_airframe as load_airframe
     from mavhums.app.analysis import analyse as analyse
@@ -49,7 +49,7 @@ __getattr__, __dir__, __all__ = lazy_exports(
     __name__,
     {
         "actuator.profile": "ProfileError load_airframe",
-        "actuator.mapping": "actuators",
+        "actuator.history": "actuators",
         "app.analysis": "analyse analyse_many record",
         "app.settings": "Options",
         "core.errors": "MavhumsError MissingExtraError UnreadableLogError",

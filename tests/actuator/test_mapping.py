@@ -10,7 +10,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
 from mavhums.actuator.draft import announcements
-from mavhums.actuator.mapping import Mapper, actuators
+from mavhums.actuator.history import actuators
+from mavhums.actuator.mapping import Mapper
 from mavhums.actuator.profile import ProfileError
 from mavhums.actuator.telemetry import best_tier, tiers_by_content
 from mavhums.log import Log

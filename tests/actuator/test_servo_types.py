@@ -15,8 +15,8 @@ from mavhums.actuator.profile import (
     Ema,
     ProfileError,
     load_airframe,
-    packaged_servo_types,
 )
+from mavhums.actuator.servo_types import packaged_servo_types
 
 TYPES = packaged_servo_types()
 PULSES = [1000, 1500, 2000]

@@ -64,7 +64,7 @@ def test_nothing_else_names_a_message() -> None:
 
 
 def test_every_format_that_is_read_says_where_it_keeps_facts() -> None:
-    modules = {path.stem for path in KNOWS[1].glob("*.py")} - {"__init__", "base", "modes", "px4_buses"}
+    modules = {path.stem for path in KNOWS[1].glob("*.py")} - {"__init__", "base", "mode_names", "px4_buses"}
     modules |= {path.parent.name for path in KNOWS[1].glob("*/__init__.py")}
     assert {form.NAME for form in FORMATS} == {known.name for known in LOG_FORMATS}
     assert {form.NAME for form in FORMATS} - {"tlog"} | {"mavlink"} == modules

@@ -24,7 +24,6 @@ from mavhums.vehicle.formats.base import (
     ServoSource,
     Source,
     Split,
-    ardupilot_mode,
     bits_of,
     columns,
     holds,
@@ -36,6 +35,7 @@ from mavhums.vehicle.formats.base import (
     supply_faults,
     whole,
 )
+from mavhums.vehicle.formats.mode_names import ardupilot_mode
 
 _FIX: Final = 3  # GPS_STATUS of a three-dimensional fix: before it, speed and course are noise
 _REAL32: Final = 9  # MAV_PARAM_TYPE

@@ -25,19 +25,18 @@ from mavhums.vehicle.formats.base import (
     Source,
     Split,
     angles_of,
-    ardupilot_mode,
     bits_of,
     columns,
     instrumented,
     named,
     plain,
     pulses,
-    px4_mode,
     records_of_parameters,
     supply_faults,
     whole,
     wide,
 )
+from mavhums.vehicle.formats.mode_names import ardupilot_mode, px4_mode
 
 STAMPS: Final = ("time_boot_ms", "time_usec")
 """Fields with the time of the sender's clock; the first in a message counts."""

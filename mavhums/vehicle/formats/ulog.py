@@ -13,7 +13,6 @@ from mavhums.log import Table
 from mavhums.vehicle.facts import IN_AIR, ON_GROUND, OUTPUTS, PX4, ServoIds
 from mavhums.vehicle.formats.base import (
     ANY,
-    NAVIGATION_STATES,
     TEXT,
     ServoPart,
     ServoSource,
@@ -31,6 +30,7 @@ from mavhums.vehicle.formats.base import (
     whole,
     wide,
 )
+from mavhums.vehicle.formats.mode_names import NAVIGATION_STATES
 
 _ARMED: Final = 2  # vehicle_status.ARMING_STATE_ARMED
 _INT32, _REAL32 = 6, 9  # MAV_PARAM_TYPE
