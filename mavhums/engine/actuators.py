@@ -25,12 +25,11 @@ from mavhums.health.verdict.actuator import (
 )
 from mavhums.health.verdict.obstacles import unjudged
 from mavhums.log import Table
-from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer, WindowsOfClass
 from mavhums.results.verdict import Verdict
 from mavhums.vehicle.airspeed import Airspeeds
 
 if TYPE_CHECKING:
-    from mavhums.health.actuator.monitor import ActuatorFindings, Monitor
+    from mavhums.health.actuator.monitor import Monitor
     from mavhums.learn import Model
 
 
@@ -133,9 +132,8 @@ class Actuators:
                 yield unjudged_actuator(vehicle, actuator, own, provenance, findings.own_gap)
             else:
                 of = vehicle, actuator, own, provenance, track.aligner.late, track.implausible
-                network = network_answer(findings, self._serving(mapper.airframe), self._options.decide)
                 verdict = verdict_of_actuator(
-                    TelemetrySources(*of), findings, start_utc=start_utc, end_s=end_s, network=network
+                    TelemetrySources(*of), findings, start_utc=start_utc, end_s=end_s
                 )
                 verdict = compare_with_own_flights(verdict, (), self._options.false_alarms)
                 yield with_refused(verdict)
@@ -151,7 +149,7 @@ class Actuators:
                 vehicle,
                 actuator,
                 self._serving(airframe),
-                by_network=self._options.decide == "network",
+                decide=self._options.decide,
                 false_alarms=self._options.false_alarms,
             )
         return self._monitors[key]
@@ -169,39 +167,6 @@ class Actuators:
         why = f"undecided: {reason.text}"
         if monitor.condition != "undecided":
             yield ConditionChanged(vehicle, actuator, time_s, time_s, monitor.condition, "undecided", why)
-
-
-def summary_of(model: Model) -> ModelSummary:
-    """Return the name and the hash of a model."""
-    return ModelSummary(name=model.card.name, hash=model.hash)
-
-
-def network_answer(
-    findings: ActuatorFindings, serving: Sequence[Model], decide: Decide
-) -> NetworkAnswer | None:
-    """Return what the networks that serve an actuator say of its flight; None if none answered a window."""
-    said = findings.network
-    if said is None:
-        return None
-    model = serving[said.network]
-    # Where the physics lacks the limits, the network decides, whatever was asked for.
-    otherwise: Decide = "both" if decide == "both" else "physics"
-    return NetworkAnswer(
-        model=summary_of(model),
-        inputs={"samples": model.keys, "windows": model.window_quantities},
-        windows=said.windows,
-        classes={
-            name: WindowsOfClass(windows=windows, probability=round(probability, 4))
-            for name, (windows, probability) in said.classes.items()
-        },
-        says=said.says,
-        latest=said.latest.said,
-        probability=round(said.latest.probability, 4),
-        first_emergency_s=None if said.first_emergency_s is None else round(said.first_emergency_s, 3),
-        share_of_samples=round(said.share_of_samples, 4),
-        condition=said.condition,
-        decides="network" if findings.by_network else otherwise,
-    )
 
 
 def classified(

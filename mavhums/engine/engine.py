@@ -20,7 +20,7 @@ from mavhums.actuator.mapping import (
 from mavhums.actuator.profile import load_airframe
 from mavhums.actuator.telemetry import Tier
 from mavhums.core.output import as_utf8
-from mavhums.engine.actuators import Actuators, summary_of
+from mavhums.engine.actuators import Actuators
 from mavhums.engine.axes import MOST_VEHICLES, Axes, VehicleLimit, with_drops
 from mavhums.engine.events import Event, Notice
 from mavhums.engine.motors import beside_motors
@@ -131,7 +131,7 @@ class Engine:
         if begun is None and path is not None and (dated := date_of_file(path, duration_s)):
             begun = dated[0]
             notices.append(dated[1])
-        voted = {verdict.network.model for verdict in verdicts if verdict.network}
+        voted = {verdict.network.model.hash: verdict.network.model for verdict in verdicts if verdict.network}
         return Assessment(
             log=LogSummary(
                 path=None if path is None else as_utf8(path),
@@ -145,7 +145,7 @@ class Engine:
                 notices=tuple(notices),
             ),
             airframe=", ".join(names) or None,
-            model=next((said for said in map(summary_of, self._options.models) if said in voted), None),
+            model=next((voted[one.hash] for one in self._options.models if one.hash in voted), None),
             verdicts=verdicts,
             usage=tuple(filter(None, map(self._usage, vehicles))),
             events=events,

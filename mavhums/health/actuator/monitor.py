@@ -21,10 +21,9 @@ from mavhums.health.actuator.indicator_tracker import (
     indicator_of,
     suspect_of,
 )
-from mavhums.health.actuator.network_tally import NetworkFindings, NetworkTally
+from mavhums.health.actuator.network_tally import NetworkTally
 from mavhums.health.actuator.votes import (
     VOTE_COLUMNS,
-    Classifier,
     VoteOutcome,
     count_votes,
     network_inputs,
@@ -41,7 +40,9 @@ from mavhums.health.estimation.motion import Motion, motion, window_sums
 from mavhums.health.estimation.slots import SlotCutter, Slots, Windows, with_extra_columns
 from mavhums.health.estimation.strokes import collectors
 from mavhums.health.estimation.thresholds import WINDOW_S
+from mavhums.learn import Model
 from mavhums.results.reasons import Reason
+from mavhums.results.sections import Decide, NetworkAnswer
 from mavhums.results.verdict import Coverage, Evidence, Indicator, Interval, OwnRecord, Suspect
 
 MonitorEvent = Window | ConditionChanged | Indication
@@ -51,16 +52,15 @@ MonitorEvent = Window | ConditionChanged | Indication
 class ActuatorFindings:
     """Results of a flight for one actuator.
 
-    ``network`` is what the networks say, and ``by_network`` whether that decides; ``last_s`` is the flight
-    time of the last sample; ``no_friction`` is the reason if an undecided flight shows no friction.
+    ``network`` is what the networks say; ``last_s`` is the flight time of the last sample; ``no_friction`` is
+    the reason if an undecided flight shows no friction.
     """
 
     condition: Condition
     worst: Condition
     since_s: float | None
     friction: Interval | None
-    network: NetworkFindings | None
-    by_network: bool
+    network: NetworkAnswer | None
     coverage: Coverage
     suspects: tuple[Suspect, ...]
     evidence: tuple[Evidence, ...]
@@ -82,8 +82,8 @@ class Monitor:
         Actuator of the airframe profile; missing constants limit what can be judged.
     networks
         Networks whose votes are shown beside the physics; the one with the most inputs comes first.
-    by_network
-        Whether the networks, if there are any, decide the friction in place of the physics. They do in any
+    decide
+        Who decides the friction: the physics, the networks, if there are any, or both. The networks do in any
         case if the profile has no limits, without which the physics decides no friction.
     false_alarms
         Allowed number of false alarms per 100 hours.
@@ -93,9 +93,9 @@ class Monitor:
         self,
         vehicle: int,
         actuator: Actuator,
-        networks: Sequence[Classifier] = (),
+        networks: Sequence[Model] = (),
         *,
-        by_network: bool = False,
+        decide: Decide = "physics",
         false_alarms: float = FALSE_ALARMS,
     ) -> None:
         self.vehicle = vehicle
@@ -122,8 +122,9 @@ class Monitor:
         self._held = ConditionTracker(vehicle, actuator.name)
         self._windows = self._decidable = self._samples = self._moving = self._slots = 0
         self._friction: Interval | None = None
-        self._tally = NetworkTally(len(self._networks))
-        self._by_network = bool(self._networks) and (by_network or "friction" not in self._trackers)
+        self._tally = NetworkTally(networks)
+        self._by_network = bool(networks) and (decide == "network" or "friction" not in self._trackers)
+        self._decides: Decide = "network" if self._by_network else "both" if decide == "both" else "physics"
 
     def feed(
         self,
@@ -195,8 +196,7 @@ class Monitor:
             worst=self._held.worst,
             since_s=self._held.since_s,
             friction=self._friction,
-            network=self._tally.tallied(),
-            by_network=self._by_network,
+            network=self._tally.answer(self._decides),
             coverage=Coverage(
                 moving_fraction=self._moving / self._samples if self._samples else 0.0,
                 windows=self._windows,

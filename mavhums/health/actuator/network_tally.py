@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,24 +16,12 @@ from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.health.actuator.votes import Ballot, VoteOutcome
 from mavhums.health.decision.conditions import Episodes, IndicatorChange
 from mavhums.health.estimation.thresholds import WINDOW_S
+from mavhums.learn import Model
 from mavhums.results.reasons import Reason
-from mavhums.results.sections import fault_of
+from mavhums.results.sections import Decide, ModelSummary, NetworkAnswer, WindowsOfClass, fault_of
 from mavhums.results.verdict import ABSTAINED, OUTSIDE, Evidence, Suspect
 
 _BALLOT = Ballot()
-
-
-class NetworkFindings(NamedTuple):
-    """What a network said of a flight; the fields are those of the report's ``NetworkAnswer``."""
-
-    network: int
-    windows: int
-    classes: dict[str, tuple[int, float]]
-    says: str | None
-    latest: VoteOutcome
-    first_emergency_s: float | None
-    share_of_samples: float
-    condition: Condition
 
 
 class NetworkTally:
@@ -43,7 +30,7 @@ class NetworkTally:
     Parameters
     ----------
     networks
-        Number of networks.
+        The networks; the one with the most inputs comes first.
 
     Attributes
     ----------
@@ -51,7 +38,8 @@ class NetworkTally:
         The gravest condition that was held.
     """
 
-    def __init__(self, networks: int) -> None:
+    def __init__(self, networks: Sequence[Model]) -> None:
+        self._networks = networks
         self.worst: Condition = "undecided"
         self._agreement = _Agreement()
         self._like: dict[int, VoteOutcome] = {}
@@ -62,7 +50,7 @@ class NetworkTally:
         self._worst_says: str | None = None
         self._episodes = Episodes()
         self._first_s: float | None = None
-        self._samples = np.zeros((networks, 2))
+        self._samples = np.zeros((len(networks), 2))
 
     def count(self, ballots: Array) -> None:
         """Add the ballots of new slots, shape (slots, 6): samples that voted, and those for an emergency."""
@@ -98,21 +86,31 @@ class NetworkTally:
                 agrees = said.severity == self._agreement.severity
                 self._episodes.extend(said.probability, end, agrees=agrees)
 
-    def tallied(self) -> NetworkFindings | None:
-        """Return what the network with most votes said; None if none was asked about a window."""
+    def answer(self, decides: Decide = "physics") -> NetworkAnswer | None:
+        """Return what the network with most votes said; None if none was asked about a window.
+
+        ``decides`` is who decides the verdict.
+        """
         if self._latest is None:
             return None
-        network = int(self._samples[:, 0].argmax())
-        voters, emergency = self._samples[network].tolist()
-        return NetworkFindings(
-            network,
-            self._decided_windows,
-            {said: (n, self._probabilities[said] / n) for said, n in self._windows.most_common()},
-            self._worst_says,
-            self._latest,
-            self._first_s,
-            emergency / max(voters, 1.0),
-            self.worst,
+        most = int(self._samples[:, 0].argmax())
+        (voters, emergency), network = self._samples[most].tolist(), self._networks[most]
+        first_s = self._first_s
+        return NetworkAnswer(
+            model=ModelSummary(name=network.card.name, hash=network.hash),
+            inputs={"samples": network.keys, "windows": network.window_quantities},
+            windows=self._decided_windows,
+            classes={
+                said: WindowsOfClass(windows=n, probability=round(self._probabilities[said] / n, 4))
+                for said, n in self._windows.most_common()
+            },
+            says=self._worst_says,
+            latest=self._latest.said,
+            probability=round(self._latest.probability, 4),
+            first_emergency_s=None if first_s is None else round(first_s, 3),
+            share_of_samples=round(emergency / max(voters, 1.0), 4),
+            condition=self.worst,
+            decides=decides,
         )
 
     def evidence(self) -> tuple[Evidence, ...]:

@@ -16,7 +16,6 @@ from mavhums.health.decision.thresholds import NAMED_SHARE
 from mavhums.health.estimation.thresholds import WINDOW_S
 from mavhums.health.verdict.obstacles import obstacle, unjudged
 from mavhums.results.reasons import Reason, said
-from mavhums.results.sections import NetworkAnswer
 from mavhums.results.verdict import ALL, Coverage, Evidence, Indicator, Interval, Suspect, Verdict
 from mavhums.vehicle.formats import remedy as to_record
 from mavhums.vehicle.identity import Identity
@@ -53,7 +52,6 @@ def verdict_of_actuator(
     *,
     start_utc: datetime,
     end_s: float,
-    network: NetworkAnswer | None = None,
 ) -> Verdict:
     """Return the verdict on an actuator with telemetry.
 
@@ -74,7 +72,7 @@ def verdict_of_actuator(
         actuator=actuator.name,
         condition=condition,
         worst=findings.worst,
-        network=network,
+        network=findings.network,
         friction_nm=rounded(findings.friction),
         suspects=rounded_suspects(findings.suspects),
         since=since(None if silent else findings.since_s, start_utc),

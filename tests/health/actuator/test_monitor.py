@@ -118,15 +118,16 @@ def test_who_decides_decides_alone(friction: float, condition: str, contrary: bo
     said = other if contrary else condition
     events, findings = watch(data_sheet(friction), networks=[judge])
     assert [e.after for e in events if isinstance(e, ConditionChanged)] == [condition]
-    assert (findings.by_network, present(findings.network).condition) == (False, said)
+    answer = present(findings.network)
+    assert (answer.decides, answer.condition) == ("physics", said)
     assert (present(findings.network).share_of_samples > 0.5) == (said == "emergency")
     assert (present(findings.network).first_emergency_s is None) == (said == "normal")
     assert "network" not in {item.kind for item in findings.evidence}
-    events, findings = watch(data_sheet(friction), networks=[judge], by_network=True)
+    events, findings = watch(data_sheet(friction), networks=[judge], decide="network")
     changes = [e.after for e in events if isinstance(e, ConditionChanged)]
     # A network may be sure of a fault before it is sure how grave it is.
     assert changes == [said] or (changes == ["degraded", said] and said == "emergency")
-    assert (findings.condition, findings.by_network) == (said, True)
+    assert (findings.condition, present(findings.network).decides) == (said, "network")
     assert {item.kind for item in findings.evidence} == {"network"}
     assert [suspect.fault for suspect in findings.suspects] == ["friction"] * (said == "emergency")
 
@@ -134,18 +135,18 @@ def test_who_decides_decides_alone(friction: float, condition: str, contrary: bo
 def test_without_limits_the_network_decides_and_without_a_network_nobody() -> None:
     bare = actuator_of().model_copy(update={"limits": None})
     _, findings = watch(data_sheet(1.0), actuator=bare, networks=[default_model()])
-    assert (findings.condition, findings.by_network) == ("emergency", True)
+    assert (findings.condition, present(findings.network).decides) == ("emergency", "network")
     _, findings = watch(data_sheet(1.0), actuator=bare)
-    assert (findings.condition, findings.by_network) == ("undecided", False)
-    _, findings = watch(data_sheet(1.0), by_network=True)  # no network is for this airframe
-    assert (findings.condition, findings.by_network) == ("emergency", False)
+    assert (findings.condition, findings.network) == ("undecided", None)
+    _, findings = watch(data_sheet(1.0), decide="network")  # no network is for this airframe
+    assert (findings.condition, findings.network) == ("emergency", None)
 
 
 def test_the_first_emergency_is_the_first_window_in_which_the_network_says_so() -> None:
     """The friction passes the limit of an emergency, 0.875 N·m, at 28 s."""
     flight = Flight(seed=41, duration_s=60.0, rate_hz=50.0, friction_nm={"elevator": (0.225, 1.6)})
     growing = telemetry(sensed(fly(flight)))
-    events, findings = watch(growing, networks=[default_model()], by_network=True)
+    events, findings = watch(growing, networks=[default_model()], decide="network")
     windows = [e for e in events if isinstance(e, Window) and e.network == "friction_emergency"]
     first_s = present(present(findings.network).first_emergency_s)
     assert first_s == windows[0].start_s + 5.0

@@ -38,7 +38,12 @@ def test_a_worse_friction_is_never_milder_whoever_decides(cyclogram: str) -> Non
         flight = flown(worn, rate_hz=25.0, seconds=60.0, cyclogram=cyclogram, seed=seed, individuals=seed)
         for tier, by_network in itertools.product(TIERS, (False, True)):
             seen, measured = reported(telemetry(flight), tier)
-            _, found = watch(seen, measured=measured, networks=packaged_models(), by_network=by_network)
+            _, found = watch(
+                seen,
+                measured=measured,
+                networks=packaged_models(),
+                decide="network" if by_network else "physics",
+            )
             gravest = max(found.condition, found.worst, key=URGENCY.__getitem__)
             said.setdefault((tier, by_network), []).append(max(SEVERITY[gravest], 0))
     assert all(conditions == sorted(conditions) for conditions in said.values()), said
