@@ -13,7 +13,7 @@ from mavhums.results.assessment import Assessment
 from mavhums.results.sections import NOT_COMPARED
 from mavhums.results.verdict import Verdict
 from mavhums.show.blocks import Block, Craft, Curves, Finding, Headline, Listing, Note
-from mavhums.show.event_words import event_lines, foremost
+from mavhums.show.event_words import event_lines, foremost, gravest_event
 from mavhums.show.headline import advice, headline, judged_vehicles, over_flights, remedy
 from mavhums.show.outline import FIXED_WING, motors, multirotor, outline, surfaces
 from mavhums.show.tables import ALL_ROWS, ROWS, indicators, provenance, usage, verdict_table
@@ -101,7 +101,7 @@ def blocks(
         left = [f"Also: {join(also)}"] if also else []
         left += [f"Not judged: {join(one.title for one in unsaid)}"] if unsaid else []
         return [
-            *_headed(head, middle, found[:_FOUND]),
+            *_headed(head, middle, found[:_FOUND], happened=gravest_event(assessment) is not None),
             *_notes([f"{line} (--verbose has why)." for line in left]),
             *over,
             _end_of_brief(assessment),
@@ -154,13 +154,19 @@ def _listing(title: str, lines: Iterable[str]) -> list[Block]:
     return [Listing(title, kept)] if kept else []
 
 
-def _headed(head: Headline, middle: Sequence[Block], found: Sequence[Finding]) -> Iterator[Block]:
-    """Yield a short answer from its headline to its findings; what the headline says is not said again."""
+def _headed(
+    head: Headline, middle: Sequence[Block], found: Sequence[Finding], *, happened: bool
+) -> Iterator[Block]:
+    """Yield a short answer from its headline to its findings; what the headline says is not said again.
+
+    ``happened`` is whether the headline names an event, which has something to do of its own.
+    """
     said = [one for one in found if one.why and one.why[0] in head.text]
     faulty = head.condition is not None and SEVERITY[head.condition] > SEVERITY["normal"] and not head.word
-    yield head._replace(todo=head.todo if faulty else said[0].todo if said else "")
+    yield head._replace(todo=head.todo if faulty or happened else said[0].todo if said else "")
     yield from middle
-    yield from (one for one in found if one not in said)
+    # The headline of an event has no room for what is to be done about what was not judged.
+    yield from (one for one in found if one not in said or (happened and one.todo and not faulty))
 
 
 def _happened(assessment: Assessment) -> list[str]:

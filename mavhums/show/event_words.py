@@ -37,19 +37,53 @@ _WORDS: Final[Mapping[EventKind, str]] = {
     "disarmed": "disarmed",
     "mode": "flight mode {said}",
 }
-_GRAVE: Final[Mapping[EventKind, tuple[Condition, str, str]]] = {
-    "crash": ("emergency", "crash", "crash reported at {at}"),
-    "impact": ("degraded", "impact", "probably hit the ground at {at}"),
-    "supply": (
+
+
+class GraveEvent(NamedTuple):
+    """An event that a headline names, whatever could be judged: how grave it is, and what to do about it.
+
+    ``name`` takes the place of the condition's, ``text`` has the time and the value.
+    """
+
+    condition: Condition
+    name: str
+    text: str
+    todo: str
+
+
+_GRAVE: Final[Mapping[EventKind, GraveEvent]] = {
+    "crash": GraveEvent(
+        "emergency",
+        "crash",
+        "crash reported at {at}",
+        "do not fly; inspect frame, propellers, motors, servos, linkages and battery for damage",
+    ),
+    "impact": GraveEvent(
+        "degraded",
+        "impact",
+        "probably hit the ground at {at}",
+        "inspect fuselage, wings, propeller, servos, linkages and battery for damage before the next flight",
+    ),
+    "supply": GraveEvent(
         "degraded",
         "supply",
-        "the servo rail, which feeds every surface, fell to {value:.1f} V at {at}: "
-        "inspect its BEC, wiring and load",
+        "the servo rail, which feeds every surface, fell to {value:.1f} V at {at}",
+        "inspect the BEC of the servo rail, its wiring and its load before the next flight",
     ),
-    "contact": ("degraded", "contact", "probably hit something at {at}"),
-    "altitude_loss": ("degraded", "altitude loss", "sank {value:.0f} m below its demand from {at} on"),
+    "contact": GraveEvent(
+        "degraded",
+        "contact",
+        "probably hit something at {at}",
+        "inspect propellers, motors, arms and frame for damage before the next flight",
+    ),
+    "altitude_loss": GraveEvent(
+        "degraded",
+        "altitude loss",
+        "sank {value:.0f} m below its demand from {at} on",
+        "inspect motor or engine, ESC, propeller and battery or fuel, then the linkages of its surfaces, "
+        "before the next flight",
+    ),
 }
-"""Kinds that a headline names, whatever could be judged."""
 
 _ORDINARY: Final = IMPORTANCE.index("take_off")  # from here on: every flight has them
 _LINES: Final = 3
@@ -69,13 +103,13 @@ def event_words(event: FlightEvent) -> str:
     )
 
 
-def gravest_event(assessment: Assessment) -> tuple[Condition, str, str] | None:
-    """Return how grave the event is that a headline must have, its name and its words; None without one."""
-    for kind, (condition, called, words) in _GRAVE.items():
+def gravest_event(assessment: Assessment) -> GraveEvent | None:
+    """Return the event that a headline must have; None without one."""
+    for kind, grave in _GRAVE.items():
         for event in assessment.events:
             if event.kind == kind:
-                text = words.format(at=clock(event.time_s), value=event.value)
-                return condition, called, f"{_whose(event, assessment)}{text}"
+                text = grave.text.format(at=clock(event.time_s), value=event.value)
+                return grave._replace(text=f"{_whose(event, assessment)}{text}")
     return None
 
 

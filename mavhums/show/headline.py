@@ -53,8 +53,12 @@ def headline(assessment: Assessment) -> Headline:
     (mark, text), ranked = _headline_of(rest, without_wings), rest.ranked()
     worst = _gravest_first(ranked)
     like = [verdict for verdict in worst if verdict.subject == worst[0].subject]
-    todo = "; ".join(dict.fromkeys(map(_todo, like[:_LIKE])))
-    return Headline(text, mark.condition, todo, word=mark.word)
+    todo = [*map(_todo, like[:_LIKE])]
+    if event := gravest_event(assessment):
+        # What was not judged has its remedy below.
+        faulty = bool(worst) and SEVERITY[worst[0].gravest] > SEVERITY["normal"]
+        todo = [*todo, event.todo] if faulty else [event.todo]
+    return Headline(text, mark.condition, "; ".join(dict.fromkeys(todo)), word=mark.word)
 
 
 def over_flights(assessment: Assessment) -> Iterator[str]:
@@ -68,9 +72,9 @@ def _headline_of(assessment: Assessment, without_wings: Sequence[str]) -> tuple[
     """Return mark and headline on the vehicles that are judged, from a line for each of the others."""
     mark, text = _of_the_flight(assessment, without_wings)
     if event := gravest_event(assessment):
-        condition, called, what = event
         faulty = SEVERITY[mark.condition] > SEVERITY["normal"]
-        mark, text = (mark, f"{text}; {what}") if faulty else (Mark(condition, called), f"{what}; {text}")
+        own = Mark(event.condition, event.name)
+        mark, text = (mark, f"{text}; {event.text}") if faulty else (own, f"{event.text}; {text}")
     shown = {(one.vehicle, one.actuator): one.gravest for one in assessment.verdicts}
     over, said = list[Standing](), list[str]()
     for one in assessment.standings:

@@ -182,6 +182,32 @@ def test_a_crash_is_not_a_plain_undecided(kind: str, told: str) -> None:
     assert headline(assessment).condition in ("emergency", "degraded")
 
 
+EVENTS = {
+    "crash": "do not fly; inspect frame",
+    "impact": "inspect fuselage",
+    "supply": "inspect the BEC",
+    "contact": "inspect propellers",
+    "altitude_loss": "inspect motor or engine",
+}
+
+
+@pytest.mark.parametrize("verbose", [False, True])
+@pytest.mark.parametrize(("kind", "todo"), EVENTS.items())
+def test_the_headline_of_an_event_says_what_to_inspect(kind: str, todo: str, verbose: bool) -> None:
+    event = FlightEvent.model_validate({"kind": kind, "vehicle": 1, "time_s": 80.0, "value": 3.0})
+    unknown = axis(condition="undecided", reason="too short", remedy="fly longer")
+    well = axis(condition="normal", reason="3 s were judged")
+    lost = axis("roll", "emergency", advice="do not fly; inspect aileron")
+    for verdict, told in (
+        (unknown, f"What to do: {todo}"),
+        (well, f"What to do: {todo}"),
+        (lost, f"What to do: do not fly; inspect aileron; {todo}"),
+    ):
+        assessment = new_assessment(verdict).model_copy(update={"events": (event,)})
+        assert told in shown(assessment, verbose=verbose)
+        assert ("what to do: fly longer" in shown(assessment, verbose=verbose)) == (verdict is unknown)
+
+
 REASONS = (
     "too few pulses",
     "its surfaces explain 4 % of how it moves, 30 % are needed; no airspeed",

@@ -245,3 +245,4 @@ def test_a_rail_that_sags_in_flight_leads_the_answer() -> None:
     shown = headline(judged(bytes(out))[0])
     assert shown.word == "supply"
     assert "fell to 3.2 V at 1m00s" in shown.text
+    assert shown.todo.startswith("inspect the BEC")
