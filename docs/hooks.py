@@ -78,12 +78,14 @@ def on_page_content(html: str, **_: object) -> str:
 
 def schemas() -> dict[str, Schema]:
     """Return the schemas of what mavhums prints as JSON, by command, and of the profile."""
+    inspection = Inspection.model_json_schema(by_alias=True, mode="serialization")
+    assessment.without_record(inspection["$defs"])
     return {
         "mavhums analyse --json": assessment.json_schema(),
         "mavhums live --json": assessment.json_schema("live-1"),
         "mavhums trend --json": TrendReport.model_json_schema(by_alias=True, mode="serialization"),
         "mavhums fleet digest --json": FleetDigest.model_json_schema(by_alias=True, mode="serialization"),
-        "mavhums inspect --json": Inspection.model_json_schema(by_alias=True, mode="serialization"),
+        "mavhums inspect --json": inspection,
         PROFILE: Airframe.model_json_schema(by_alias=True, mode="validation"),
     }
 

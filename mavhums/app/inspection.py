@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
-from mavhums.actuator.mapping import ActuatorMapper
 from mavhums.actuator.profile import Airframe, load_airframe
 from mavhums.actuator.telemetry import TIERS
 from mavhums.core.output import as_utf8
-from mavhums.core.quantities import KEYS
 from mavhums.engine.engine import Engine
 from mavhums.engine.options import EngineOptions
 from mavhums.log import Decoder, read_blocks
-from mavhums.results.assessment import (
-    ActuatorTelemetry,
-    Assessment,
-    Inspection,
-    Judgeable,
-    MessageRate,
-    NamedRate,
-    VehicleTelemetry,
-)
-from mavhums.results.verdict import ALL, MOTORS, Verdict
+from mavhums.results.assessment import Assessment, Inspection, MessageRate, NamedRate, VehicleTelemetry
 from mavhums.vehicle.usage import NAMED_MESSAGES, NamedValues
 
 
@@ -69,18 +58,16 @@ def inspect_log(
             progress(size)
     engine.finish()
     values.feed(decoder.feed(b"", final=True))
-    assessment = engine.assessment()
+    assessment = _with_axes(engine.assessment(as_utf8(path)), engine)
     duration_s = assessment.log.duration_s
 
     def rate_hz(count: int) -> float:
         return round(count / duration_s, 2) if duration_s else 0.0
 
     return Inspection(
-        path=as_utf8(path),
+        assessment=assessment,
         size_bytes=size,
-        start_utc=assessment.log.start_utc,
-        duration_s=duration_s,
-        vehicles=tuple(_vehicle(vehicle, engine, assessment) for vehicle in assessment.log.vehicles),
+        vehicles=tuple(_vehicle(vehicle, engine) for vehicle in assessment.log.vehicles),
         messages=tuple(
             MessageRate(system=system, component=component, name=name, count=count, rate_hz=rate_hz(count))
             for (system, component, name), count in sorted(decoder.counts.items())
@@ -90,20 +77,24 @@ def inspect_log(
             for (system, message, name), count in sorted(values.counts.items())
         ),
         unknown_ids=decoder.unknown,
-        losses=assessment.log.losses,
     )
 
 
-def _vehicle(vehicle: int, engine: Engine, assessment: Assessment) -> VehicleTelemetry:
-    """Return the known data of a vehicle."""
+def _with_axes(assessment: Assessment, engine: Engine) -> Assessment:
+    """Return an assessment with the verdicts on the axes of every vehicle."""
+    shown = {verdict.vehicle for verdict in assessment.verdicts if verdict.subject != "actuator"}
+    hidden = [
+        one for vehicle in assessment.log.vehicles if vehicle not in shown for one in engine.axes(vehicle)
+    ]
+    return assessment.model_copy(update={"verdicts": (*assessment.verdicts, *hidden)})
+
+
+def _vehicle(vehicle: int, engine: Engine) -> VehicleTelemetry:
+    """Return what a vehicle reports."""
     identity, mapper, tier = engine.identity(vehicle), engine.mapper(vehicle), engine.tier(vehicle)
-    tracks = [mapper.of(vehicle, actuator) for actuator in mapper.airframe.actuators] if mapper else []
     if mapper is not None:
-        carried = {track.tier for track in tracks}
+        carried = {mapper.of(vehicle, actuator).tier for actuator in mapper.airframe.actuators}
         tier = next((tier for tier in TIERS if tier.name in carried), None)
-    own = [verdict for verdict in assessment.verdicts if verdict.vehicle == vehicle]
-    if all(verdict.subject == "actuator" for verdict in own):
-        own += engine.axes(vehicle)
     return VehicleTelemetry(
         vehicle=vehicle,
         kind=identity.kind,
@@ -113,36 +104,4 @@ def _vehicle(vehicle: int, engine: Engine, assessment: Assessment) -> VehicleTel
         airframe=mapper.airframe.name if mapper else None,
         tier=tier.name if tier else None,
         gives=tier.gives if tier else "nothing of the actuators",
-        actuators=tuple(map(_telemetry, tracks)),
-        subjects=tuple(_judgeable(own)),
-        usage=next((used for used in assessment.usage if used.vehicle == vehicle), None),
     )
-
-
-def _telemetry(track: ActuatorMapper) -> ActuatorTelemetry:
-    provenance = track.provenance
-    return ActuatorTelemetry(
-        actuator=track.actuator.name,
-        servo=track.actuator.servo,
-        provenance=provenance,
-        missing=tuple(key for key in KEYS if key not in provenance),
-    )
-
-
-def _judgeable(verdicts: Sequence[Verdict]) -> Iterator[Judgeable]:
-    """Yield what can and cannot be judged of a vehicle: its axes and motors first, then its actuators."""
-    found: dict[tuple[str, str], Judgeable] = {}
-    for verdict in sorted(verdicts, key=lambda verdict: verdict.subject == "actuator"):
-        # What can be judged is the same of each motor, whichever failed.
-        name = MOTORS if verdict.subject == "motor" else verdict.actuator
-        judged = not {verdict.condition, verdict.worst} <= {"undecided", "unmonitored"}
-        one = Judgeable(
-            subject=verdict.subject,
-            name="every actuator" if name == ALL else name,
-            surfaces=verdict.surfaces,
-            judgeable=judged,
-            reason=None if judged else verdict.reason,
-            remedy=None if judged else verdict.remedy,
-        )
-        found.setdefault((verdict.subject, name), one)
-    yield from found.values()

@@ -37,7 +37,7 @@ def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: boo
         from mavhums.show.inspection import inspection_blocks
 
         draw(inspection_blocks(inspection, messages=messages))
-    raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.losses.any else ExitCode.OK)
+    raise SystemExit(ExitCode.READ_WITH_LOSSES if inspection.assessment.log.losses.any else ExitCode.OK)
 
 
 @click.command(short_help="Check surfaces that are swept on the ground.")

@@ -153,31 +153,10 @@ class NamedRate(Frozen):
     rate_hz: float
 
 
-class ActuatorTelemetry(Frozen):
-    """Source of each quantity of an actuator; ``missing`` names those without a source."""
-
-    actuator: str
-    servo: int
-    provenance: dict[str, str]
-    missing: tuple[str, ...]
-
-
-class Judgeable(Frozen):
-    """An axis or an actuator, and whether the log allows to judge it; if not, the reason and the remedy."""
-
-    subject: Literal["actuator", "axis", "motor"]
-    name: str
-    surfaces: tuple[str, ...]
-    judgeable: bool
-    reason: str | None
-    remedy: str | None
-
-
 class VehicleTelemetry(Frozen):
-    """Telemetry of one vehicle's actuators in the log, and what it allows to judge.
+    """What a vehicle reports of itself, and the best telemetry of its actuators.
 
-    The vehicle itself reports ``kind``, ``autopilot``, ``firmware`` and ``board``. ``tier`` is the best of
-    its actuators; without a profile, which lists them, it is that of the log.
+    Without a profile, which lists the actuators, the ``tier`` is that of the log.
     """
 
     vehicle: int
@@ -188,27 +167,25 @@ class VehicleTelemetry(Frozen):
     airframe: str | None
     tier: str | None
     gives: str
-    actuators: tuple[ActuatorTelemetry, ...]
-    subjects: tuple[Judgeable, ...] = ()
-    usage: VehicleUsage | None = None
 
 
 class Inspection(Frozen):
-    """Contents of a log.
+    """Contents of a log, with the assessment by which it is known what can be judged, and what is missing.
 
-    ``named`` lists named values, a thousand of them at most. Without ``start_utc`` times count from the
-    sender's boot.
+    The assessment has the verdicts on the axes, too, where another leaves them out: where none can be judged
+    and actuators report by themselves. ``named`` lists named values, a thousand of them at most.
     """
 
-    path: str
+    assessment: Assessment
     size_bytes: int
-    start_utc: str | None
-    duration_s: float
     vehicles: tuple[VehicleTelemetry, ...]
     messages: tuple[MessageRate, ...]
     named: tuple[NamedRate, ...] = ()
     unknown_ids: dict[int, int]
-    losses: Losses
+
+    def to_json(self, *, indent: int | None = 2) -> str:
+        """Return the inspection as JSON, its assessment as that of ``mavhums analyse``."""
+        return self.model_dump_json(by_alias=True, indent=indent, exclude={"assessment": RECORD})
 
 
 def json_schema(name: str = "assessment-2") -> dict[str, Any]:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Final
 
-from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.about import __version__
 from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.results.assessment import Assessment
@@ -76,7 +75,7 @@ def blocks(
     head = headline(assessment)
     found = [
         *(_faulty(one, rest, _LATEST[one is not faulty[0]] if brief else None) for one in faulty[:ROWS]),
-        *(one for condition in _OPEN for one in _by_reason(rest, condition, brief=brief)),
+        *(one for condition in _OPEN for one in by_reason(rest, condition, brief=brief)),
     ]
     if faulty:
         found = [one._replace(todo="" if one.todo in head.todo else one.todo) for one in found]
@@ -119,7 +118,7 @@ def blocks(
         *proof,
         *verdict_table(rest, brief=False),
         *found,
-        *_by_reason(rest, "unmonitored", brief=False),
+        *by_reason(rest, "unmonitored"),
         *over,
         *(_crafts(rest) if gathered is not None else ()),
         *_listing("Suspected and refuted", _once(well, _refuted, rest)),
@@ -240,7 +239,7 @@ def _faulty(verdict: Verdict, assessment: Assessment, latest: int | None) -> Fin
     return Finding(title, verdict.worst, why, todo, shown, indicators(verdict.indicators))
 
 
-def _by_reason(assessment: Assessment, condition: Condition, *, brief: bool) -> Iterator[Finding]:
+def by_reason(assessment: Assessment, condition: Condition, *, brief: bool = False) -> Iterator[Finding]:
     """Yield the verdicts of a condition by reason and remedy, so that neither is said twice.
 
     A short answer has of several reasons the first one, which binds, and its remedy once for all that follow.
@@ -264,8 +263,7 @@ def _by_reason(assessment: Assessment, condition: Condition, *, brief: bool) -> 
         why, todo = merged(whys), merged(todos)
         reasons = {one for each in verdicts for one in (each.reason or why).rstrip(".").split("; ")[1:]}
         more = f" (and {len(reasons)} more: --verbose)" if brief and reasons else ""
-        where = " (mavhums inspect LOG shows how)" if todo == TO_BE_JUDGED else ""
-        yield Finding(names(verdicts, assessment), condition, [f"{why}{more}"], f"{todo}{where}")
+        yield Finding(names(verdicts, assessment), condition, [f"{why}{more}"], todo)
 
 
 def _once(

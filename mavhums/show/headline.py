@@ -14,7 +14,7 @@ from mavhums.actuator.telemetry import TO_BE_JUDGED
 from mavhums.core.conditions import SEVERITY, URGENCY, Condition
 from mavhums.core.errors import GRAVEST_FIRST, ExitCode, MavhumsError
 from mavhums.health.verdict import with_advice
-from mavhums.results.assessment import Assessment, Judgeable
+from mavhums.results.assessment import Assessment
 from mavhums.results.reasons import NO_WINGS, PROPELLERS_ONLY
 from mavhums.results.standing import Standing
 from mavhums.results.verdict import Evidence, Verdict
@@ -281,10 +281,10 @@ def judged_vehicles(assessment: Assessment) -> tuple[Assessment, list[str]]:
     return assessment.model_copy(update=rest), said
 
 
-def wingless(subjects: Sequence[Verdict | Judgeable]) -> str | None:
+def wingless(verdicts: Sequence[Verdict]) -> str | None:
     """Return what is said of a vehicle without wings and without servos that report; None of any other."""
-    axes = next((one for one in subjects if one.remedy == NO_WINGS), None)
-    if axes is None or any(one.remedy not in _SILENT for one in subjects if one is not axes):
+    axes = next((one for one in verdicts if one.remedy == NO_WINGS), None)
+    if axes is None or any(one.remedy not in _SILENT for one in verdicts if one is not axes):
         return None
     return f"{(axes.reason or '').partition(':')[0]}: {NOT_JUDGED}"
 

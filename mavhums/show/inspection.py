@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING, Final
 
 from mavhums.core.models import Contract
 from mavhums.core.output import printable
-from mavhums.results.assessment import Inspection, Judgeable, VehicleTelemetry
+from mavhums.core.quantities import KEYS
+from mavhums.results.assessment import Assessment, Inspection, VehicleTelemetry
+from mavhums.results.verdict import Verdict
+from mavhums.show.answer import by_reason
 from mavhums.show.blocks import Block, Column, Headline, Listing, Note, TableBlock
-from mavhums.show.headline import wingless
-from mavhums.show.tables import usage
-from mavhums.show.words import join, subject_of
+from mavhums.show.headline import judged_vehicles
+from mavhums.show.tables import provenance, usage
+from mavhums.show.words import capital, join, moment, name, names
 from mavhums.show.words import losses as loss_words
 
 if TYPE_CHECKING:
     from mavhums.learn import Model
 
 _MOST_NAMED = 100
-_NAMED_SUBJECTS = 3
 
 
 def inspection_blocks(inspection: Inspection, *, messages: bool = False) -> Iterator[Block]:
@@ -31,19 +33,22 @@ def inspection_blocks(inspection: Inspection, *, messages: bool = False) -> Iter
     messages
         Whether to list the messages and the named values.
     """
-    yield Headline(_verdict(inspection))
-    size = f"{inspection.size_bytes / 1e6:.2f} MB"
-    start = inspection.start_utc
-    when = f"from {start[:19].replace('T', ' ')} UTC" if start else "without a date"
-    yield Note([f"{inspection.path}  {size}, {inspection.duration_s:.1f} s {when}"])
+    assessment, log = inspection.assessment, inspection.assessment.log
+    judged, without_wings = judged_vehicles(assessment)
+    own = {one.vehicle: _of_vehicle(judged, one.vehicle) for one in inspection.vehicles}
+    yield Headline(_verdict(own, without_wings))
+    when = f"from {moment(log.start_utc)}" if log.start_utc else "without a date"
+    yield Note([f"{log.path}  {inspection.size_bytes / 1e6:.2f} MB, {log.duration_s:.1f} s {when}"])
     for vehicle in inspection.vehicles:
-        yield Listing(
-            f"Vehicle {vehicle.vehicle}{_who(vehicle)}: airframe {vehicle.airframe or 'not named'}; "
-            f"telemetry tier {vehicle.tier or 'none'}, which gives {vehicle.gives}",
-            [*_lines(vehicle)],
-        )
-        if vehicle.usage and not wingless(vehicle.subjects):
-            yield usage(vehicle.usage, several=False)
+        alone = own[vehicle.vehicle]
+        title = f"Vehicle {vehicle.vehicle}{_who(vehicle)}: airframe {vehicle.airframe or 'not named'}"
+        telemetry = f"telemetry tier {vehicle.tier or 'none'}, which gives {vehicle.gives}"
+        yield Listing(f"{title}; {telemetry}", [*_lines(alone)])
+        for condition in ("undecided", "unmonitored"):
+            yield from by_reason(_of(alone, judgeable=False), condition)
+        yield from (usage(used, several=False) for used in alone.usage)
+    if origins := provenance(judged):
+        yield origins
     counted = _counted(inspection)
     if messages:
         yield from _messages(inspection)
@@ -52,33 +57,60 @@ def inspection_blocks(inspection: Inspection, *, messages: bool = False) -> Iter
     )
 
 
-def _verdict(inspection: Inspection) -> str:
-    """Return in one line what the log allows to judge."""
-    if not inspection.vehicles:
+def _of_vehicle(assessment: Assessment, vehicle: int) -> Assessment:
+    """Return what an assessment has of one vehicle."""
+    verdicts = tuple(one for one in assessment.verdicts if one.vehicle == vehicle)
+    used = tuple(one for one in assessment.usage if one.vehicle == vehicle)
+    return assessment.model_copy(update={"verdicts": verdicts, "usage": used})
+
+
+def _of(assessment: Assessment, *, judgeable: bool) -> Assessment:
+    """Return the verdicts on what can be judged, or on what cannot."""
+    unknown = {"undecided", "unmonitored"}
+    kept = tuple(one for one in assessment.verdicts if ({one.condition, one.worst} <= unknown) != judgeable)
+    return assessment.model_copy(update={"verdicts": kept})
+
+
+def _verdict(own: Mapping[int, Assessment], without_wings: Sequence[str]) -> str:
+    """Return in one line what the log allows to judge of each vehicle."""
+    if not own:
         return "Nothing can be judged: no vehicle speaks in this log, ground station or other traffic only"
-    several = len(inspection.vehicles) > 1
-    parts = []
-    for vehicle in inspection.vehicles:
-        text = wingless(vehicle.subjects) or _what(vehicle.subjects)
-        parts.append(f"vehicle {vehicle.vehicle}: {text}" if several else f"{text[:1].upper()}{text[1:]}")
-    return "; ".join(parts)
+    known = {vehicle: _what(alone) for vehicle, alone in own.items() if alone.verdicts}
+    several = len(own) > 1
+    said = [f"vehicle {vehicle}: {text}" if several else capital(text) for vehicle, text in known.items()]
+    return "; ".join([*said, *without_wings])
 
 
-def _what(subjects: Sequence[Judgeable]) -> str:
-    good = _titles([one for one in subjects if one.judgeable])
-    bad = _titles([one for one in subjects if not one.judgeable])
+def _what(alone: Assessment) -> str:
+    good, bad = (_titles(_of(alone, judgeable=judgeable)) for judgeable in (True, False))
     if not good:
         return "nothing can be judged"
     return f"{join(good)} can be judged" + (f"; {join(bad)} cannot" if bad else "")
 
 
-def _titles(subjects: Sequence[Judgeable]) -> list[str]:
-    """Return the axes, and the wear of the servos as one."""
-    servos = [one.name for one in subjects if one.subject == "actuator"]
-    named = join(servos) if servos and len(servos) <= _NAMED_SUBJECTS else f"{len(servos)} servos"
-    axes = [subject_of(one.subject, one.name) for one in subjects if one.subject == "axis"]
-    motors = [one.name for one in subjects if one.subject == "motor"]
-    return [*axes, *motors, *([f"wear of {named}"] if servos else [])]
+def _titles(alone: Assessment) -> list[str]:
+    """Return the axes, the motors, which can all be judged where one can, and the wear of the servos."""
+    axes, motors, servos = (
+        [one for one in alone.verdicts if one.subject == subject] for subject in ("axis", "motor", "actuator")
+    )
+    return [
+        *([names(axes, alone)] if axes else []),
+        *(["motors"] if motors else []),
+        *([f"wear of {names(servos, alone)}"] if servos else []),
+    ]
+
+
+def _lines(alone: Assessment) -> Iterator[str]:
+    """Yield what moves the axes that can be judged, and what the log lacks of each actuator."""
+    for one in _of(alone, judgeable=True).verdicts:
+        if one.surfaces:
+            yield f"{name(one, alone)}: moved by {join(one.surfaces)}"
+    lacking: dict[str, list[Verdict]] = {}
+    for one in alone.verdicts:
+        if one.subject == "actuator" and one.provenance:
+            lacks = ", ".join(key for key in KEYS if key not in one.provenance)
+            lacking.setdefault(lacks, []).append(one)
+    yield from (f"{names(of, alone)}: the log lacks {lacks}" for lacks, of in lacking.items() if lacks)
 
 
 def _counted(inspection: Inspection) -> str:
@@ -106,60 +138,21 @@ def _messages(inspection: Inspection) -> Iterator[Block]:
         yield Note([f"… and {len(inspection.named) - _MOST_NAMED} more names, which --json lists"])
 
 
-def _lines(vehicle: VehicleTelemetry) -> Iterator[str]:
-    """Yield what can be judged, then once for each reason what cannot, then the sources by actuator."""
-    refused: dict[tuple[str, str], list[Judgeable]] = {}
-    for one in () if wingless(vehicle.subjects) else vehicle.subjects:
-        if one.judgeable and one.subject == "axis":
-            by = f", moved by {join(one.surfaces)}" if one.surfaces else ""
-            yield f"{subject_of(one.subject, one.name)}: control effectiveness can be judged{by}"
-        elif not one.judgeable:
-            refused.setdefault((one.reason or "", one.remedy or ""), []).append(one)
-    if motors := [one for one in vehicle.subjects if one.judgeable and one.subject == "motor"]:
-        yield f"{join(_titles(motors))}: a loss of thrust can be judged"
-    if wear := [one for one in vehicle.subjects if one.judgeable and one.subject == "actuator"]:
-        yield f"{join(_titles(wear))}: can be judged"
-    for (reason, remedy), subjects in refused.items():
-        yield f"{join(_titles(subjects))}: cannot be judged: {reason}"
-        if remedy:
-            yield f"  remedy: {remedy}"
-    for actuator in vehicle.actuators:
-        sources = _shorten(actuator.provenance) or "no telemetry"
-        missing = f"; missing {', '.join(actuator.missing)}" if actuator.missing else ""
-        yield f"{actuator.actuator} (servo {actuator.servo}): {sources}{missing}"
-
-
 def _who(vehicle: VehicleTelemetry) -> str:
     facts = (vehicle.kind, vehicle.firmware or vehicle.autopilot, vehicle.board and f"board {vehicle.board}")
-    names = ", ".join(printable(name) for name in facts if name)
-    return f" ({names})" if names else ""
-
-
-def _shorten(provenance: dict[str, str]) -> str:
-    """Name each source once, with the range of quantities that come from it."""
-    by_source: dict[str, list[str]] = {}
-    for key, source in provenance.items():
-        by_source.setdefault(source.split(".")[0], []).append(key)
-    parts = []
-    for source, keys in by_source.items():
-        named = f"{keys[0]}–{keys[-1]}" if len(keys) > 2 and _consecutive(keys) else ", ".join(keys)
-        parts.append(f"{named} from {source}")
-    return "; ".join(parts)
-
-
-def _consecutive(keys: list[str]) -> bool:
-    numbers = [int(key[1:]) for key in keys]
-    return numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    known = ", ".join(printable(fact) for fact in facts if fact)
+    return f" ({known})" if known else ""
 
 
 def _notes(inspection: Inspection) -> Iterator[str]:
     """Yield notes on the log as a whole, and on its losses."""
-    losses = inspection.losses
+    log, losses = inspection.assessment.log, inspection.assessment.log.losses
+    yield from (f"{capital(notice)}." for notice in log.notices)
     if inspection.unknown_ids:
         frames = sum(inspection.unknown_ids.values())
         ids = ", ".join(str(number) for number in sorted(inspection.unknown_ids)[:8])
         yield f"{frames} frames of messages that the dialect does not define: ids {ids}"
-    if inspection.start_utc is None:
+    if log.start_utc is None:
         yield "The log has no date: times count from the autopilot's boot."
     if losses.line_ends_restored:
         yield (
@@ -224,8 +217,8 @@ def _sections(title: str, part: Contract, more: Mapping[str, object]) -> Iterato
     groups = {name: value for name, value in fields.items() if isinstance(value, Mapping) and value}
     single = {name: value for name, value in fields.items() if name not in groups and value not in (None, {})}
     yield Listing(title, _fields({**single, **more}))
-    for name, group in groups.items():
-        yield Listing(f"{title}: {_words(name)}", _fields(group))
+    for field, group in groups.items():
+        yield Listing(f"{title}: {_words(field)}", _fields(group))
 
 
 def _fields(values: Mapping[str, object]) -> list[str]:

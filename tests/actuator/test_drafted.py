@@ -55,9 +55,9 @@ def test_the_draft_does_not_depend_on_the_blocks(unnamed: Path) -> None:
 
 
 def test_inspect_says_that_it_can_be_judged(unnamed: Path) -> None:
-    [vehicle] = inspect_log(unnamed).vehicles
-    assert vehicle.airframe == "drafted"
-    assert {one.actuator for one in vehicle.actuators} >= {"elevator", "rudder"}
+    inspection = inspect_log(unnamed)
+    assert [one.airframe for one in inspection.vehicles] == ["drafted"]
+    assert {one.actuator for one in inspection.assessment.verdicts} >= {"elevator", "rudder"}
 
 
 def test_a_profile_that_is_given_is_used(unnamed: Path, run: Run) -> None:

@@ -66,13 +66,13 @@ def test_a_propellers_esc_is_named_as_such(run: Run, tmp_path: Path) -> None:
     profile.write_text(draft_profile(log).replace("# travel_deg = ", "travel_deg = [-20, 20]  #"))
     vehicle, verdict = both(run, log, "--airframe", profile)
     assert vehicle["tier"] == verdict["tier"] == "pwm"
-    assert not any(one["judgeable"] for one in vehicle["subjects"])
+    assert run("inspect", log, "--airframe", profile).out.startswith("Nothing can be judged")
 
 
 def test_a_multirotor_is_told_that_it_has_no_surfaces(run: Run, tmp_path: Path) -> None:
-    vehicle, verdict = both(run, write_log(tmp_path / "x.tlog", sent(QUADROTOR, esc=True)))
-    [motors] = vehicle["subjects"]
-    assert (motors["name"], motors["judgeable"]) == ("motors", False)
+    log = write_log(tmp_path / "x.tlog", sent(QUADROTOR, esc=True))
+    _, verdict = both(run, log)
+    assert run("inspect", log).out.startswith("Nothing can be judged")
     # Its motors are what it is judged by, and this log has no parameters.
     assert (verdict["subject"], verdict["condition"]) == ("motor", "undecided")
     assert verdict["reason_codes"] == ["motors_unknown"]
@@ -82,9 +82,9 @@ def test_a_fresh_draft_says_what_it_lacks(run: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "x.tlog", sent(FIXED_WING, esc=False, parameters=True))
     profile = tmp_path / "mine.toml"
     profile.write_text(draft_profile(log))
-    vehicle, verdict = both(run, log, "--airframe", profile)
+    _, verdict = both(run, log, "--airframe", profile)
     printed = run("inspect", log, "--airframe", profile).out
-    for text in (vehicle["subjects"][-1]["reason"], verdict["reason"], printed):
+    for text in (verdict["reason"], printed):
         assert "travel_deg" in text.replace("\n", " ")
     outcome = run("export", log, "-o", tmp_path / "v.csv", "--airframe", profile)
     assert "has no travel_deg, without which a pulse has no angle" in outcome.err

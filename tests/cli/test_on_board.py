@@ -24,10 +24,10 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_inspect_says_what_it_holds(run: Run, log: Path) -> None:
     told = json.loads(run("inspect", log, "--json").out)
-    assert told["start_utc"].startswith("2026-01-01T09:00:00")
+    assert told["assessment"]["log"]["start_utc"].startswith("2026-01-01T09:00:00")
     [vehicle] = told["vehicles"]
     assert (vehicle["vehicle"], vehicle["airframe"], vehicle["tier"]) == (1, "paper", "csrv")
-    elevator = next(a for a in vehicle["actuators"] if a["actuator"] == "elevator")
+    elevator = next(a for a in told["assessment"]["verdicts"] if a["actuator"] == "elevator")
     assert elevator["provenance"]["V3"] == "CSRV[2].Pos"
     rates = {message["name"]: message["rate_hz"] for message in told["messages"]}
     assert rates["CSRV"] == pytest.approx(200, abs=5)

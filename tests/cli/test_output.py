@@ -107,7 +107,7 @@ def test_a_name_that_is_not_utf_8_is_a_text_of_the_answer(
     shutil.copy(growing_log, folder)
     shown = f"{folder}/flight\\xfc.tlog"
     assert json.loads(run("analyse", log, "--json").out)["log"]["path"] == shown
-    assert json.loads(run("inspect", log, "--json").out)["path"] == shown
+    assert json.loads(run("inspect", log, "--json").out)["assessment"]["log"]["path"] == shown
     assert run("analyse", log, "--store", tmp_path / "h", "--aircraft", "=D-A", "--keep").code == ExitCode.OK
     for arguments in (
         ["analyse", log, "--aircraft", os.fsdecode(b"=\xfc")],

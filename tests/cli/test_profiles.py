@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import struct
 from pathlib import Path
 from typing import Any
@@ -180,8 +179,7 @@ def test_a_draft_shows_the_quantities_and_compares_with_the_own_past_alone(
     assert outcome.code == ExitCode.UNDECIDED
     assert "flight 1 of the 10" in outcome.out
     assert (tmp_path / "draft.rrd").exists()
-    inspected = json.loads(run("inspect", log, "--airframe", mine, "--json").out)
-    assert inspected["vehicles"][0]["actuators"][0]["missing"] == []
+    assert "the log lacks V" not in run("inspect", log, "--airframe", mine).out
 
 
 def test_without_constants_what_an_esc_says_is_shown_as_it_is(tmp_path: Path) -> None:

@@ -41,24 +41,18 @@ def test_analyse_tells_the_use_of_every_surface(run: Run, log: Path) -> None:
     assert aileron["span"] == pytest.approx((aileron["greatest_us"] - aileron["least_us"]) / 800, abs=1e-3)
     assert aileron["travelled"] == pytest.approx(aileron["travelled_us"] / 800, abs=1e-2)
     assert by_name(usage)["elevator"]["commanded"] is False
-    [vehicle] = json.loads(run("inspect", log, "--json").out)["vehicles"]
-    assert vehicle["usage"] == usage
+    assert json.loads(run("inspect", log, "--json").out)["assessment"]["usage"] == [usage]
 
 
 @pytest.mark.slow
 def test_inspect_says_what_can_be_judged_before_one_tries(run: Run, log: Path) -> None:
-    told = json.loads(run("inspect", log, "--json").out)["vehicles"][0]["subjects"]
-    verdicts = json.loads(run("analyse", log, "--json").out)["verdicts"]
-    assert {one["name"] for one in told} == {verdict["actuator"] for verdict in verdicts}
-    for verdict in verdicts:
-        [one] = [one for one in told if one["name"] == verdict["actuator"]]
-        assert one["judgeable"] == (verdict["worst"] not in ("undecided", "unmonitored"))
-        assert (one["reason"], one["remedy"]) == (verdict["reason"], verdict["remedy"])
+    told = json.loads(run("inspect", log, "--json").out)["assessment"]
+    assert told["verdicts"] == json.loads(run("analyse", log, "--json").out)["verdicts"]
     text = " ".join(run("inspect", log).out.split())
-    assert "roll control: control effectiveness can be judged, moved by aileron (servo 1)" in text
-    assert "yaw control: cannot be judged:" in text
-    assert re.search("wear of [^:]*: cannot be judged: [^;]+ remedy: record each servo", text)
-    assert text.startswith("Roll control")
+    assert text.startswith("Roll control can be judged; pitch and yaw control and wear of aileron (servo 1)")
+    assert "roll control: moved by aileron (servo 1)" in text
+    assert "yaw control: undecided: " in text
+    assert re.search("unmonitored: [^;]+ what to do: record each servo", text)
     assert "per second" not in text
     assert "per second" in run("inspect", log, "--messages").out
 
@@ -107,6 +101,6 @@ def test_the_jammed_flight_of_alfa(run: Run) -> None:
     [("onboard/mavrik464.BIN", 7, False), ("onboard/sample_log_small.ulg", 2, True)],
 )
 def test_on_board_logs_tell_it_too(run: Run, name: str, servo: int, commanded: bool) -> None:
-    [vehicle] = json.loads(run("inspect", REAL_LOGS / name, "--json").out)["vehicles"]
-    [output] = [one for one in vehicle["usage"]["outputs"] if one["servo"] == servo]
+    [usage] = json.loads(run("inspect", REAL_LOGS / name, "--json").out)["assessment"]["usage"]
+    [output] = [one for one in usage["outputs"] if one["servo"] == servo]
     assert output["commanded"] is commanded

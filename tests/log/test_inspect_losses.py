@@ -47,7 +47,7 @@ def test_every_loss_is_said_in_words(damaged: Path) -> None:
 def test_every_loss_is_in_the_json_and_in_the_exit_code(damaged: Path) -> None:
     result = CliRunner().invoke(cli, ["inspect", str(damaged), "--json"])
     assert result.exit_code == ExitCode.READ_WITH_LOSSES
-    losses = json.loads(result.output)["losses"]
+    losses = json.loads(result.output)["assessment"]["log"]["losses"]
     assert losses["regions"] == [{"offset": 290, "size": 29}, {"offset": 925, "size": 5}]
     assert losses["bad_crc_by_message"] == {"HEARTBEAT": 1}
     assert losses["trailing_zeros"] == 40
@@ -88,8 +88,7 @@ def test_a_log_without_stamps_and_a_converted_one_are_named(tmp_path: Path) -> N
     raw.write_bytes(b"".join(frames_in(data)))
     assert "converted to text (LF to CRLF)" in said(text)
     assert "Log losses: none" in said(text)
-    assert "The log has no date" in said(raw)
-    assert inspect_log(raw).start_utc is None
+    assert "Dated by the time of its file: the log has no date" in said(raw)
 
 
 def test_zeros_before_the_first_frame_are_passed_over_and_told(tmp_path: Path) -> None:
@@ -98,7 +97,7 @@ def test_zeros_before_the_first_frame_are_passed_over_and_told(tmp_path: Path) -
     path.write_bytes(bytes(zeros) + heartbeats([START_US + 1000 * k for k in range(40)]))
     inspection = inspect_log(path)
     assert inspection.messages[0].count == 40
-    assert inspection.losses.bytes_skipped == zeros
+    assert inspection.assessment.log.losses.bytes_skipped == zeros
     nothing = tmp_path / "nothing.tlog"
     nothing.write_bytes(bytes(zeros))
     with pytest.raises(UnreadableLogError, match="contains only zeros"):

@@ -16,8 +16,9 @@ from mavhums.health.decision.events import ConditionChanged, Trace
 from mavhums.health.motor.monitor import MotorMonitor
 from mavhums.results.verdict import Verdict
 from mavhums.show.answer import blocks
-from mavhums.show.blocks import Finding
+from mavhums.show.blocks import Finding, Headline
 from mavhums.show.headline import headline
+from mavhums.show.inspection import inspection_blocks
 from mavhums.vehicle.facts import OUTPUTS, Signal
 from mavhums.vehicle.grid import Grid, Seconds
 from mavhums.vehicle.parameters import Parameters
@@ -76,9 +77,7 @@ def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float
     assert verdict.effectiveness
     assert verdict.effectiveness.estimate < 0.4
     assert "motor 2" in (verdict.advice or "")
-    [vehicle] = inspect_log(tmp_path / "f.tlog").vehicles
-    [subject] = [one for one in vehicle.subjects if one.subject == "motor"]
-    assert (subject.name, subject.judgeable) == ("motors", True)
+    assert next(inspection_blocks(inspect_log(tmp_path / "f.tlog"))) == Headline("Motors can be judged")
 
 
 @pytest.mark.slow
