@@ -18,10 +18,11 @@ from mavhums.engine.engine import Engine
 from mavhums.engine.events import StandaloneAssessment
 from mavhums.flights.aircraft import AircraftResolver
 from mavhums.live.alerts import COMPONENT, Alerts, Signer
-from mavhums.live.links import Address, Link, ReceiveClock, SerialLink, TcpLink, UdpLink
+from mavhums.live.links import Address, Link, ReceiveClock, UdpLink
 from mavhums.live.outlet import TlogRecorder
 from mavhums.live.session import GroundStation, LiveSink, Session
 from mavhums.live.status import Peers, Reception
+from mavhums.live.streams import SerialLink, TcpLink
 from mavhums.log.mavlink.dialect import load_dialect
 from mavhums.log.mavlink.signing import SignatureGuard
 from mavhums.log.mavlink.stamping import Stamper

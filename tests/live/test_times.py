@@ -17,7 +17,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from mavhums.live.links import Address, Outgoing, ReceiveClock, TcpLink, UdpLink
+from mavhums.live.links import Address, ReceiveClock, UdpLink
+from mavhums.live.streams import Outgoing, TcpLink
 from mavhums.log.mavlink.stamping import Piece
 
 SECOND = 1_000_000_000
@@ -130,7 +131,7 @@ def test_a_tcp_server_that_does_not_read_stops_nothing(deaf_server: int) -> None
 
 @pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
 def test_a_serial_peer_that_does_not_read_stops_nothing() -> None:
-    from mavhums.live.links import SerialLink
+    from mavhums.live.streams import SerialLink
 
     master, slave = pty.openpty()
     tty.setraw(master)
@@ -153,7 +154,7 @@ def test_a_serial_peer_that_does_not_read_stops_nothing() -> None:
 
 @pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
 def test_a_serial_device_that_disappears_is_tried_once_a_second(tmp_path: Path) -> None:
-    from mavhums.live.links import SerialLink
+    from mavhums.live.streams import SerialLink
 
     device, clocks = tmp_path / "tty", Clocks()
     link = None
