@@ -84,7 +84,7 @@ def flight(seconds: int, actuators: int, rate: int) -> Iterator[list[Event]]:
 
 def write(case: str, path: Path) -> None:
     """Write one recording and print its cost, in a separate process with its own memory."""
-    from mavhums.show.viewer import Recorder
+    from mavhums.show.recorder import Recorder
 
     seconds, actuators, rate, *_ = CASES[case]
     names = [part.name for part in airframe(actuators).airframe.actuators]

@@ -74,7 +74,7 @@ class Recording:
         MissingExtraError
             If rerun is not installed.
         """
-        from mavhums.show.viewer import Recorder, check_viewer
+        from mavhums.show.recorder import Recorder, check_viewer
 
         if is_stream(log):
             raise MavhumsError(

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from examples.picture import draw
 from mavhums.engine.events import Event
 from mavhums.results.assessment import Assessment
-from mavhums.show.viewer import LiveViewer, Recorder
+from mavhums.show.recorder import Recorder
+from mavhums.show.viewer import LiveViewer
 from mavhums.vehicle.states import Attitude, FlightMode, Position
 from tests.show.chromium import Chromium, find
 from tests.show.conftest import Flight

@@ -25,7 +25,7 @@ from mavhums.health.decision.events import ConditionChanged, Window
 from mavhums.results.assessment import Assessment
 from mavhums.results.verdict import Interval
 from mavhums.show.markdown_report import markdown
-from mavhums.show.viewer import Recorder
+from mavhums.show.recorder import Recorder
 from mavhums.show.words import COLOURS
 from tests.conftest import real_logs
 from tests.show.conftest import EMERGENCY, NORMAL, Flight, new_assessment, new_verdict, samples_of
@@ -300,7 +300,7 @@ def test_a_place_that_cannot_be_written_is_an_error_that_names_it(
 def test_a_recording_without_its_end_is_not_published(
     tmp_path: Path, assessment: Assessment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mavhums.show.viewer._FOOTER", b"no such end")
+    monkeypatch.setattr("mavhums.show.recorder._FOOTER", b"no such end")
     with pytest.raises(MavhumsError, match="its end is missing: is the disk full"):
         write(tmp_path / "flight.rrd", [], assessment)
     assert not list(tmp_path.iterdir())

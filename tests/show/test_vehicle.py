@@ -27,7 +27,7 @@ from mavhums.show._scene import Scene
 from mavhums.show._signals import open_stream
 from mavhums.show.blueprint import Lane, layout
 from mavhums.show.outline import places as placed
-from mavhums.show.viewer import Recorder
+from mavhums.show.recorder import Recorder
 from mavhums.show.words import COLOURS
 from tests.show.test_blueprint import names
 from tests.show.test_recording import entities, rows, scalars, static, write
