@@ -10,23 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
-from mavhums.core.conditions import SEVERITY, Condition
 from mavhums.engine.events import Event, Notice
-from mavhums.health.decision.events import Classified, ConditionChanged, Indication, Trace, Window
+from mavhums.health.decision.events import Classified, Indication, Trace, Window
 from mavhums.results.verdict import OUTSIDE
 from mavhums.show.event_words import drawn
-from mavhums.vehicle.states import FlightMode, Position
+from mavhums.vehicle.states import FlightMode
 
 _POINTS: Final = 1200
 _CURVES: Final = 256
 _FIRST, _LAST = 20, 40
-_CHANGES: Final = 200  # flight modes of a vehicle, and changes of a condition
+_MODES: Final = 200  # of a vehicle
 _VEHICLES: Final = 8
-_PLACES: Final = 800
-_EARTH_M: Final = 111_195.0  # of one degree of latitude
 
 
-_Item = TypeVar("_Item")
 _Name = TypeVar("_Name")
 
 
@@ -205,8 +201,6 @@ class EvidenceCollector:
         self.references_s: dict[tuple[int, str], tuple[int, int]] = {}
         self._samples: dict[tuple[int, str], Thinner] = {}
         self._votes: dict[tuple[int, str], Thinner] = {}
-        self._places: dict[int, Thinner] = {}
-        self._conditions: dict[int, list[tuple[float, str, Condition]]] = {}
         self.modes: dict[int, list[tuple[float, str]]] = {}
         self._first: list[Notice] = []
         self._last: deque[Notice] = deque(maxlen=_LAST)
@@ -229,15 +223,7 @@ class EvidenceCollector:
             elif isinstance(event, Notice):
                 self._notice(event)
             elif isinstance(event, FlightMode):
-                _append(self.modes, event.vehicle, (event.time_s, event.mode))
-            elif isinstance(event, ConditionChanged):
-                _append(self._conditions, event.vehicle, (event.since_s, event.actuator, event.after))
-            elif isinstance(event, Position):
-                thinner = self._places.get(event.vehicle)
-                if thinner is None and len(self._places) < _VEHICLES:
-                    thinner = self._places[event.vehicle] = Thinner(2, _PLACES, "first")
-                if thinner is not None:
-                    thinner.add(event.time_s, event.latitude_longitude_deg)
+                self._mode(event)
 
     def curves(self) -> dict[CurveKey, Curve]:
         """Return the curves, without empty ones."""
@@ -265,29 +251,6 @@ class EvidenceCollector:
                 found[key] = Curve(votes[0], np.repeat(votes[1][:, None], 3, axis=1), samples=samples)
         return found
 
-    def tracks(self) -> dict[int, list[tuple[float, float, float, Condition]]]:
-        """Return where each vehicle was, and how: time, metres east and north of its first place, condition.
-
-        The condition is the gravest of all actuators at that time.
-        """
-        found = {}
-        for vehicle, thinner in self._places.items():
-            time_s, places = thinner.rows()
-            north, east = ((places - places[0]) * _EARTH_M).T
-            # Once around the earth is 360 degrees, also where the date line is crossed.
-            east = (east + 180 * _EARTH_M) % (360 * _EARTH_M) - 180 * _EARTH_M
-            east *= np.cos(np.radians(places[0, 0]))
-            now: dict[str, Condition] = {}
-            changes = sorted(self._conditions.get(vehicle, ()), key=lambda change: change[0])
-            track = []
-            for at_s, x, y in zip(time_s.tolist(), east.tolist(), north.tolist(), strict=True):
-                while changes and changes[0][0] <= at_s:
-                    _, actuator, now[actuator] = changes.pop(0)
-                gravest: Condition = max(now.values(), key=SEVERITY.__getitem__, default="undecided")
-                track.append((round(at_s, 1), round(x, 1), round(y, 1), gravest))
-            found[vehicle] = track
-        return found
-
     def notices(self) -> list[Notice]:
         """Return the texts that are kept, in their order."""
         return [*self._first, *self._last]
@@ -303,6 +266,12 @@ class EvidenceCollector:
             return
         _add(kept, (event.vehicle, event.actuator), time_s, values[:, None])
 
+    def _mode(self, event: FlightMode) -> None:
+        if event.vehicle in self.modes or len(self.modes) < _VEHICLES:
+            kept = self.modes.setdefault(event.vehicle, [])
+            if len(kept) < _MODES:
+                kept.append((event.time_s, event.mode))
+
     def _notice(self, event: Notice) -> None:
         self.texts += 1
         (self._first if len(self._first) < _FIRST else self._last).append(event)
@@ -314,14 +283,6 @@ def _add(kept: dict[_Name, Thinner], key: _Name, time_s: Array, rows: Array) -> 
         kept[key] = Thinner(rows.shape[1], _POINTS)
     if key in kept:
         kept[key].add(time_s, rows)
-
-
-def _append(several: dict[int, list[_Item]], vehicle: int, one: _Item) -> None:
-    """Keep one more of a vehicle, within limits."""
-    if vehicle in several or len(several) < _VEHICLES:
-        kept = several.setdefault(vehicle, [])
-        if len(kept) < _CHANGES:
-            kept.append(one)
 
 
 def _finite(time_s: Array, values: Array) -> Array:

@@ -204,14 +204,14 @@ def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
 
 
 def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, duration_s: float) -> Chart:
-    """Return a flight's curves, its modes, events and track by vehicle.
+    """Return a flight's curves, and by vehicle its modes and events.
 
     Parameters
     ----------
     shown
         The evidence, in the order in which it is drawn.
     gathered
-        Has the flight modes and the track.
+        Has the flight modes.
     duration_s
         Of the flight.
     """
@@ -221,8 +221,7 @@ def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, 
         more = {"since": one.since_s, "reference": one.reference_s, "vehicle": one.vehicle}
         charts.append(chart(one.curve, one.limits, one.title, one.caption) | more)
     modes = {vehicle: _spans(several, duration_s) for vehicle, several in gathered.modes.items()}
-    known = {"modes": modes, "events": events, "tracks": gathered.tracks()}
-    return {"duration": duration_s, "charts": charts} | known
+    return {"duration": duration_s, "charts": charts, "modes": modes, "events": events}
 
 
 def chart(curve: Curve, limits: Sequence[Limit], title: str, caption: str, *, whole: bool = False) -> Chart:

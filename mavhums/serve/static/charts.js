@@ -143,33 +143,6 @@ function curve(chart, whole) {
   };
 }
 
-// The track from above, north up, in metres from its first place; one scale for both directions.
-function map(track) {
-  const tones = look();
-  const parts = [];
-  track.forEach((at, place) => {
-    if (!parts.length || parts.at(-1).condition !== at[3]) parts.push({ condition: at[3], points: place ? [track[place - 1]] : [] });
-    parts.at(-1).points.push(at);
-  });
-  const tone = (condition) => {
-    const probe = made("span", "", document.body, condition);
-    const found = getComputedStyle(probe).getPropertyValue("--c").trim();
-    probe.remove();
-    return found.replaceAll(" ", ",");
-  };
-  return {
-    data: parts.map(({ condition, points }) => ({
-      type: "scatter", mode: "lines", x: points.map((at) => at[1]), y: points.map((at) => at[2]), line: { color: tone(condition), width: 3 },
-      text: points.map((at) => `${clock(at[0])}: ${condition}`), hoverinfo: "text",
-    })),
-    layout: layout(tones, {
-      margin: { l: 60, r: 30, t: 30, b: 45 }, hovermode: "closest",
-      xaxis: { title: { text: "m east" }, gridcolor: tones.rule, zeroline: false },
-      yaxis: { title: { text: "m north" }, gridcolor: tones.rule, zeroline: false, scaleanchor: "x" },
-    }),
-  };
-}
-
 // The other buttons are of no use here, and one shares the curve with a server.
 const CONFIG = { displaylogo: false, responsive: true, displayModeBar: true, modeBarButtons: [["resetScale2d"]] };
 const drawn = new Map(); // curves over time, and how each is drawn again: cursor and zoom of one are those of all
@@ -187,8 +160,7 @@ async function draw(box, described, figured, clicked) {
     else dark.removeEventListener("change", again);
   };
   dark.addEventListener("change", again);
-  if (clicked) box.on("plotly_click", (event) => clicked(event.points[0].pointIndex, event.points[0].x));
-  if (layout.hovermode !== "x") return;
+  box.on("plotly_click", (event) => clicked(event.points[0].pointIndex, event.points[0].x));
   drawn.set(box, again);
   let leads = false;
   box.on("plotly_hover", (event) => {
@@ -244,15 +216,6 @@ function show(place, whole) {
   for (const chart of whole.charts.slice(0, FIRST)) figure(chart, whole, first);
   const rest = whole.charts.slice(FIRST);
   if (rest.length) more(`${rest.length} more ${rest.length > 1 ? "curves" : "curve"}`, place, (inner) => rest.forEach((chart) => figure(chart, whole, inner)));
-  for (const [vehicle, track] of Object.entries(whole.tracks ?? {})) {
-    if (track.length < 2) continue;
-    const several = Object.keys(whole.tracks).length > 1;
-    more(`The track from above, by condition${several ? `, vehicle ${vehicle}` : ""}`, place, (inner) => {
-      const figured = made("figure", "", inner);
-      draw(made("div", "", figured, "chart", "map"), "The track from above, in the colours of the gravest condition", () => map(track));
-      made("figcaption", `Line: the gravest condition of all actuators at that time (${[...new Set(track.map((at) => at[3]))].join(", ")}). The report has no position.`, figured);
-    });
-  }
 }
 
 async function begin(place) {
