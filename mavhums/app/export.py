@@ -260,7 +260,7 @@ def export_curves(
         events = Events(gathered.consume, draws=True)
         assessment = analyse(path, Options(airframe=airframe), sinks=[events], progress=progress)
         shown = evidence(assessment, gathered)
-        drawn = flight_charts(shown, gathered, assessment.log.duration_s)["charts"]
+        drawn = flight_charts(shown, assessment.log.duration_s)["charts"]
         if not drawn:
             raise MavhumsError(f"{path}: no curves: nothing in it is judged", f"see: mavhums analyse {path}")
         table.write(curve_table(drawn))

@@ -14,19 +14,13 @@ from mavhums.engine.events import Event, Notice
 from mavhums.health.decision.events import Classified, Indication, Trace, Window
 from mavhums.results.verdict import OUTSIDE
 from mavhums.show.event_words import drawn
-from mavhums.vehicle.states import FlightMode
 
 _POINTS: Final = 1200
 _CURVES: Final = 256
 _FIRST, _LAST = 20, 40
-_MODES: Final = 200  # of a vehicle
-_VEHICLES: Final = 8
-
+_BATCH: Final = 4096
 
 _Name = TypeVar("_Name")
-
-
-_BATCH = 4096
 
 
 class Thinner:
@@ -181,8 +175,6 @@ class EvidenceCollector:
     ----------
     texts
         Number of texts in the flight.
-    modes
-        The first 200 flight modes of each vehicle: since when, s, and the name.
     references_s
         Flight seconds from and to which an axis's reference was learned, by vehicle and axis.
 
@@ -201,7 +193,6 @@ class EvidenceCollector:
         self.references_s: dict[tuple[int, str], tuple[int, int]] = {}
         self._samples: dict[tuple[int, str], Thinner] = {}
         self._votes: dict[tuple[int, str], Thinner] = {}
-        self.modes: dict[int, list[tuple[float, str]]] = {}
         self._first: list[Notice] = []
         self._last: deque[Notice] = deque(maxlen=_LAST)
 
@@ -222,8 +213,6 @@ class EvidenceCollector:
                 self._network(event)
             elif isinstance(event, Notice):
                 self._notice(event)
-            elif isinstance(event, FlightMode):
-                self._mode(event)
 
     def curves(self) -> dict[CurveKey, Curve]:
         """Return the curves, without empty ones."""
@@ -265,12 +254,6 @@ class EvidenceCollector:
         else:
             return
         _add(kept, (event.vehicle, event.actuator), time_s, values[:, None])
-
-    def _mode(self, event: FlightMode) -> None:
-        if event.vehicle in self.modes or len(self.modes) < _VEHICLES:
-            kept = self.modes.setdefault(event.vehicle, [])
-            if len(kept) < _MODES:
-                kept.append((event.time_s, event.mode))
 
     def _notice(self, event: Notice) -> None:
         self.texts += 1

@@ -67,9 +67,10 @@ def evidence(assessment: Assessment, gathered: EvidenceCollector) -> Iterator[Ca
     """
     ranked = sorted(_ranked(assessment, gathered), key=itemgetter(0))
     for _, curve in ranked[:_PLOTS]:
-        own = [one for one in assessment.events if one.vehicle == curve.vehicle and one.kind != "mode"]
-        events = [(one.time_s, event_words(one)) for one in own]
-        yield curve._replace(modes=gathered.modes.get(curve.vehicle, ()), events=events)
+        own = [one for one in assessment.events if one.vehicle == curve.vehicle]
+        modes = [(one.time_s, one.said or "") for one in own if one.kind == "mode"]
+        events = [(one.time_s, event_words(one)) for one in own if one.kind != "mode"]
+        yield curve._replace(modes=modes, events=events)
 
 
 def _ranked(assessment: Assessment, gathered: EvidenceCollector) -> Iterator[tuple[int, CaptionedCurve]]:

@@ -129,7 +129,7 @@ def parts(assessment: Assessment, gathered: EvidenceCollector, heading: str = "h
     first = next(k for k, block in enumerate(kept) if not isinstance(block, Headline | Note))
     return {
         "answer": draw(kept[:first], heading),
-        "curves": flight_charts(curves, gathered, assessment.log.duration_s),
+        "curves": flight_charts(curves, assessment.log.duration_s),
         "rest": draw(kept[first:]),
     }
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mavhums.core.arrays import Array
 from mavhums.core.output import no_formula, printable
-from mavhums.show.curves import Curve, EvidenceCollector
+from mavhums.show.curves import Curve
 from mavhums.show.evidence import CaptionedCurve, Limit
 from mavhums.show.words import clock
 
@@ -203,24 +203,22 @@ def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
     return f"M{'L'.join(points)}"
 
 
-def flight_charts(shown: Iterable[CaptionedCurve], gathered: EvidenceCollector, duration_s: float) -> Chart:
+def flight_charts(shown: Iterable[CaptionedCurve], duration_s: float) -> Chart:
     """Return a flight's curves, and by vehicle its modes and events.
 
     Parameters
     ----------
     shown
         The evidence, in the order in which it is drawn.
-    gathered
-        Has the flight modes.
     duration_s
         Of the flight.
     """
-    charts, events = [], {}
+    charts, modes, events = [], {}, {}
     for one in shown:
+        modes[one.vehicle] = _spans(one.modes, duration_s)
         events[one.vehicle] = [(at_s, _text(text)) for at_s, text in one.events]
         more = {"since": one.since_s, "reference": one.reference_s, "vehicle": one.vehicle}
         charts.append(chart(one.curve, one.limits, one.title, one.caption) | more)
-    modes = {vehicle: _spans(several, duration_s) for vehicle, several in gathered.modes.items()}
     return {"duration": duration_s, "charts": charts, "modes": modes, "events": events}
 
 

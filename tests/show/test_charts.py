@@ -6,10 +6,9 @@ import json
 
 import numpy as np
 
-from mavhums.show.curves import Curve, EvidenceCollector
+from mavhums.show.curves import Curve
 from mavhums.show.evidence import CaptionedCurve, Limit
 from mavhums.show.html_plot import chart, flight_charts
-from mavhums.vehicle.states import FlightMode
 
 HOSTILE = "AUTO\x1b[2J</script>"
 
@@ -30,10 +29,9 @@ def test_a_gap_is_a_gap_and_numbers_are_short_and_finite() -> None:
 
 
 def test_modes_are_of_each_vehicle() -> None:
-    gathered = EvidenceCollector()
-    gathered.consume([FlightMode(1, 0.5, "MANUAL"), FlightMode(1, 20.0, HOSTILE)])
+    modes = [(0.5, "MANUAL"), (20.0, HOSTILE)]
     curve = Curve(np.array([1.0, 2.0]), np.zeros((2, 3)))
-    drawn = flight_charts([CaptionedCurve(1, HOSTILE, "told", curve)], gathered, 30.0)
+    drawn = flight_charts([CaptionedCurve(1, HOSTILE, "told", curve, modes=modes)], 30.0)
     (one,) = drawn["charts"]
     assert "\x1b" not in one["title"]
     assert (one["vehicle"], one["since"]) == (1, None)
