@@ -176,21 +176,22 @@ def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend]) -> Stan
 
 def _state(flown: Sequence[Flown]) -> tuple[Condition, Flown | None, Flown | None]:
     """Return the worst of the last five judged flights, and first and latest flight of the fault."""
-    recent: list[tuple[Flown, Condition]] = []
-    first: Flown | None = None
-    for each in flown:
+    judged: list[tuple[Flown, Condition]] = []  # the newest first, back to those that were clear
+    clear = 0
+    for each in reversed(flown):
         found = _found(each)
         if found is None:
             continue
-        recent = [*recent, (each, found)][-LASTING_FLIGHTS:]
-        if all(SEVERITY[one] <= 0 for _, one in recent):
-            first = None
-        elif first is None:
-            first = each
-    if first is None:
+        judged.append((each, found))
+        clear = 0 if SEVERITY[found] > 0 else clear + 1
+        if clear == LASTING_FLIGHTS:
+            break
+    faulty = [each for each, found in judged if SEVERITY[found] > 0]
+    if not faulty:
         return "normal", None, None
-    worst = max((found for _, found in recent), key=SEVERITY.__getitem__)
-    return worst, first, [each for each, found in recent if found == worst][-1]
+    recent = judged[:LASTING_FLIGHTS]
+    worst = max((found for _, found in reversed(recent)), key=SEVERITY.__getitem__)
+    return worst, faulty[-1], next(each for each, found in recent if found == worst)
 
 
 def _found(each: Flown) -> Condition | None:

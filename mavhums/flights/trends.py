@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from functools import cache
-from typing import Final
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from mavhums.core.arrays import Array
 from mavhums.core.conditions import URGENCY
@@ -24,7 +22,7 @@ from mavhums.health.decision.growth import Course, course_of, last_step
 from mavhums.health.decision.thresholds import LASTING_FLIGHTS, TREND_FLIGHTS
 from mavhums.results.standing import (
     ActuatorTrend,
-    FlightPoint,
+    FlightPoints,
     FlightsLeft,
     Growth,
     Standing,
@@ -33,7 +31,6 @@ from mavhums.results.standing import (
 )
 from mavhums.results.verdict import ALL, Interval
 
-_POINTS: Final = TypeAdapter(tuple[FlightPoint, ...])
 _Shown = list[tuple[Flown, PastIndicator]]
 
 
@@ -72,9 +69,9 @@ def trend_report(
         shown = _by_fault(flown)
         if not shown and flown[-1].verdict.condition != "unmonitored":
             unshown.append(f"{vehicle}: {actuator}")
-        own = _trends(flown, shown, known, faults=faults or shown)
+        own = _trends(flown, shown, known)
         standings.append(standing_of(flown, own))
-        trends += [one for one in own if one.points]
+        trends += [one for one in own if not faults or one.fault in faults]
     return TrendReport(
         flights=len(ordered),
         trends=tuple(sorted(trends, key=_rank)),
@@ -131,16 +128,14 @@ def _ranked(standings: Iterable[Standing]) -> tuple[Standing, ...]:
     return tuple(sorted(standings, key=lambda one: one.rank))
 
 
-def _trends(
-    flown: list[Flown], shown: dict[str, _Shown], baselines: BaselineSource, *, faults: Collection[str] = ()
-) -> list[ActuatorTrend]:
-    """Return an actuator's trends by fault; those of some faults have their points."""
+def _trends(flown: list[Flown], shown: dict[str, _Shown], baselines: BaselineSource) -> list[ActuatorTrend]:
+    """Return an actuator's trends by fault."""
     found = []
     for fault in sorted(shown):
         newest = shown[fault][-1][0].flight
         known = baselines(newest.airframe, newest.start)
         baseline = known.get((flown[-1].verdict.vehicle or 0, flown[-1].verdict.actuator, fault))
-        found.append(_trend(flown, shown[fault], baseline, with_points=fault in faults))
+        found.append(_trend(flown, shown[fault], baseline))
     return found
 
 
@@ -164,20 +159,17 @@ def _by_actuator(
 
 
 def _by_fault(flown: list[Flown]) -> dict[str, _Shown]:
-    """Return the flights that show each fault's indicator."""
-    found: dict[str, _Shown] = {}
+    """Return the flights that show each fault's indicator, in the quantity and unit of the newest of them."""
+    found: dict[tuple[str, str, str], _Shown] = {}
     for each in flown:
         for one in each.verdict.indicators:
-            found.setdefault(one.fault, []).append((each, one))
-    return found
+            found.setdefault((one.fault, one.quantity, one.unit), []).append((each, one))
+    by_age = sorted(found.items(), key=lambda item: item[1][-1][0].number)
+    return {fault: pairs for (fault, *_), pairs in by_age}
 
 
-def _trend(
-    flown: list[Flown], pairs: _Shown, baseline: Baseline | None, *, with_points: bool
-) -> ActuatorTrend:
+def _trend(flown: list[Flown], pairs: _Shown, baseline: Baseline | None) -> ActuatorTrend:
     newest = pairs[-1][1]
-    quantity, unit = newest.quantity, newest.unit
-    pairs = [pair for pair in pairs if pair[1].quantity == quantity and pair[1].unit == unit]
     latest = flown[-1].verdict
     limit, emergency = newest.limit, newest.emergency
     limits_of_axis = latest.whole().limits if newest.fault in LOSSES else None
@@ -204,8 +196,8 @@ def _trend(
         actuator=latest.actuator,
         airframe=flown[-1].flight.airframe,
         fault=newest.fault,
-        quantity=quantity,
-        unit=unit,
+        quantity=newest.quantity,
+        unit=newest.unit,
         condition=flown[-1].gravest,
         flights=len(flown),
         limit=limit,
@@ -220,24 +212,25 @@ def _trend(
         step=step,
         flights_left=_life(left),
         reason=_why_unknown(grown, emergency, len(used) - (place or 0), step),
-        points=_POINTS.validate_python(_points(pairs) if with_points else []),
+        points=_points(pairs),
     )
 
 
-def _points(pairs: _Shown) -> list[dict[str, object]]:
-    at_end = pairs[-1][1].fault == "friction"
-    return [
-        {
-            "flight": each.number,
-            "start_utc": each.start_utc,
-            "log": each.flight.path,
-            "value": {"estimate": one.estimate, "low": one.low, "high": one.high},
-            "highest": one.highest,
-            "end": each.verdict.friction_nm if at_end else None,
-            "condition": each.gravest,
-        }
-        for each, one in pairs
-    ]
+def _points(pairs: _Shown) -> FlightPoints:
+    flown, shown = [each for each, _ in pairs], [one for _, one in pairs]
+    at_end = shown[-1].fault == "friction"
+    columns = {
+        "flight": [each.number for each in flown],
+        "start_utc": [each.start_utc for each in flown],
+        "log": [each.flight.path for each in flown],
+        "estimate": [one.estimate for one in shown],
+        "low": [one.low for one in shown],
+        "high": [one.high for one in shown],
+        "highest": [one.highest for one in shown],
+        "end": [each.verdict.friction_nm if at_end else None for each in flown],
+        "condition": [each.gravest for each in flown],
+    }
+    return FlightPoints.model_validate(columns)
 
 
 def _grew(course: Course, numbers: Array, values: Array, errors: Array, begin: int) -> bool:
@@ -286,7 +279,7 @@ def _rank(one: ActuatorTrend) -> tuple[float, float, float, int, str]:
     """Sort by worst condition, then fewest remaining flights, then smallest distance to the limit."""
     ahead = one.growth.ahead if one.growth else []
     left = min((each.low for each in ahead), default=float("inf"))
-    value = one.points[-1].value.estimate
+    value = one.points.estimate[-1]
     share = 0.0
     if one.emergency and value:
         share = one.emergency / value if one.fault in LOSSES else value / one.emergency

@@ -151,24 +151,33 @@ class Standing(Contract):
         return -urgency, growth.soonest if growth else float("inf"), self.vehicle, self.actuator
 
 
-class FlightPoint(Contract):
-    """An indicator in one flight; ``flight`` counts the actuator's flights from 1, judged or not.
+class FlightPoints(Contract):
+    """An indicator in the flights that show it, by columns: the nth value of each is of the nth such flight.
 
     Attributes
     ----------
-    value
-        Over the whole flight.
+    flight
+        Counts the actuator's flights from 1, judged or not.
+    estimate, low, high
+        Over the whole flight, with the 95 % interval.
     highest, end
         The highest estimate that decided a condition, and the last one; None where the flight has none.
     """
 
-    flight: int
-    start_utc: str
-    log: str | None
-    value: Interval
-    highest: float | None = None
-    end: float | None = None
-    condition: Condition
+    flight: tuple[int, ...]
+    start_utc: tuple[str, ...]
+    log: tuple[str | None, ...]
+    estimate: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    highest: tuple[float | None, ...]
+    end: tuple[float | None, ...]
+    condition: tuple[Condition, ...]
+
+    @property
+    def last(self) -> Interval:
+        """The value in the last of the flights."""
+        return Interval(estimate=self.estimate[-1], low=self.low[-1], high=self.high[-1])
 
 
 class ActuatorTrend(Contract):
@@ -220,7 +229,7 @@ class ActuatorTrend(Contract):
     step: Step | None = None
     flights_left: Interval | None
     reason: str | None
-    points: tuple[FlightPoint, ...]
+    points: FlightPoints
 
 
 class RepairDate(Contract):
@@ -307,12 +316,9 @@ class TrendReport(Drawn):
         import pandas as pd
 
         fields = {"vehicle", "actuator", "airframe", "fault", "quantity", "unit", "limit", "emergency"}
-        rows = [
-            one.model_dump(include=fields) | point.model_dump(exclude={"value"}) | point.value.model_dump()
-            for one in self.trends
-            for point in one.points
-        ]
-        frame = pd.DataFrame(rows, columns=[*_COLUMNS.split(), "limit", "emergency", "highest", "end"])
+        parts = [pd.DataFrame(one.model_dump(include=fields) | dict(one.points)) for one in self.trends]
+        columns = [*_COLUMNS.split(), "limit", "emergency", "highest", "end"]
+        frame = pd.concat(parts or [pd.DataFrame(columns=columns)], ignore_index=True)[columns]
         frame["start_utc"] = pd.to_datetime(frame["start_utc"], utc=True, format="ISO8601")
         numbers = ("estimate", "low", "high", "limit", "emergency", "highest", "end")
         return frame.astype(dict.fromkeys(numbers, float))

@@ -145,7 +145,7 @@ def trends_shown(report: TrendReport, starts: Iterable[str]) -> list[ActuatorVie
     stands = {(one.vehicle, one.actuator): one for one in report.standings}
     for one in report.trends:
         shown = trend_shown(one, f"{one.vehicle}: " if several else "", report.repairs)
-        shown.chart["links"] = [places.get(point.start_utc) for point in one.points]
+        shown.chart["links"] = [*map(places.get, one.points.start_utc)]
         found.setdefault(shown.actuator, []).append(shown)
         standing = stands.get((one.vehicle, one.actuator))
         marks[shown.actuator] = mark_of(standing) if standing else Mark(one.condition)

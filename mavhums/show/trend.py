@@ -101,7 +101,7 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> TableBlock:
     for one in trends:
         state = _by_indicator(_state(states.get(_subject(one)), one), one)
         grows = one.growth is not None and SEVERITY[state] <= 0
-        values = [point.value.estimate for point in one.points]
+        values = one.points.estimate
         rows.append(
             [
                 _name(one, report),
@@ -118,8 +118,8 @@ def _table(trends: Sequence[ActuatorTrend], report: TrendReport) -> TableBlock:
 
 def _by_indicator(state: Condition, one: ActuatorTrend) -> Condition:
     """Return the state of a subject as far as this indicator gives it: another one is within its limit."""
-    last = one.points[-1]
-    passed = _beyond(one) or (last.highest is not None and one.limit is not None and last.highest > one.limit)
+    highest = one.points.highest[-1]
+    passed = _beyond(one) or (highest is not None and one.limit is not None and highest > one.limit)
     return "normal" if one.limit is not None and not passed and SEVERITY[state] > 0 else state
 
 
@@ -211,8 +211,9 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
     repairs
         Of the aircraft; those of the actuator are marked.
     """
-    days_ms = np.array([_milliseconds(point.start_utc) for point in trend.points])
-    rows = np.array([[one.value.low, one.value.estimate, one.value.high] for one in trend.points])
+    points = trend.points
+    days_ms = np.array([*map(_milliseconds, points.start_utc)])
+    rows = np.column_stack([points.low, points.estimate, points.high])
     limits = [Limit(value, word) for value, word in _levels(trend)]
     unit = "" if trend.unit == "1" else f" {trend.unit}"
     title = f"{trend.quantity}{f', {unit.strip()}' if unit else ''}"
@@ -221,7 +222,7 @@ def trend_shown(trend: ActuatorTrend, prefix: str = "", repairs: Sequence[Repair
     drawn = chart(Curve(days_ms, rows), limits, title, caption, whole=True) | {
         "life": _life(trend),
         "marks": [{"at": _milliseconds(at_utc), "text": text} for at_utc, text in marks],
-        "flights": [point.flight for point in trend.points],
+        "flights": points.flight,
     }
     return TrendView(
         actuator=f"{prefix}{subject_of(trend.subject, trend.actuator)}",
@@ -236,14 +237,15 @@ def _milliseconds(utc: str) -> float:
 
 def _marks(trend: ActuatorTrend, repairs: Sequence[RepairDate]) -> list[tuple[str, str]]:
     """Return the dates and names of the repairs since the first flight, and of the last step."""
-    first = _milliseconds(trend.points[0].start_utc)
+    first = _milliseconds(trend.points.start_utc[0])
     marks = [
         (repair.at_utc, f"repair {repair.at_utc[:10]}")
         for repair in repairs
         if repair.actuator in (None, trend.actuator) and _milliseconds(repair.at_utc) > first
     ]
     step = trend.step
-    before = [one.start_utc for one in trend.points if step is not None and one.flight < step.flight]
+    flown = zip(trend.points.flight, trend.points.start_utc, strict=True)
+    before = [start for flight, start in flown if step is not None and flight < step.flight]
     if step is not None and not any(at > before[-1] for at, _ in marks if before and at <= step.at_utc):
         marks.append((step.at_utc, f"step {step.at_utc[:10]}"))
     return marks
@@ -254,7 +256,7 @@ def _levels(trend: ActuatorTrend) -> list[tuple[float, str]]:
 
 
 def _beyond(trend: ActuatorTrend) -> bool:
-    last = trend.points[-1].value
+    last = trend.points.last
     if trend.limit is None:
         return False
     return last.high < trend.limit if _falls(trend) else last.low > trend.limit
@@ -265,8 +267,8 @@ def _falls(trend: ActuatorTrend) -> bool:
 
 
 def _trend_text(trend: ActuatorTrend, unit: str) -> str:
-    last = trend.points[-1]
-    parts = [f"flight {last.flight}: {_interval(last.value)}{unit}, 95 % interval"]
+    points = trend.points
+    parts = [f"flight {points.flight[-1]}: {_interval(points.last)}{unit}, 95 % interval"]
     if trend.change:
         parts.append(f"against its first flights {_interval(trend.change, sign='+')}{unit}")
     if trend.per_flight:

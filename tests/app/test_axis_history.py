@@ -129,8 +129,8 @@ def test_trend_shows_the_axes(folder: Path) -> None:
     shown = CliRunner().invoke(cli, ["trend", "--store", str(folder / "flights"), "--json"])
     trends = {(one["actuator"], one["fault"]): one for one in json.loads(shown.output)["trends"]}
     gain = trends["roll", "effectiveness"]
-    assert (gain["quantity"], gain["unit"], len(gain["points"])) == ("control gain", "rad/m", 6)
-    assert gain["points"][0]["value"]["estimate"] == pytest.approx(2.15 / 18, rel=0.05)
+    assert (gain["quantity"], gain["unit"], len(gain["points"]["flight"])) == ("control gain", "rad/m", 6)
+    assert gain["points"]["estimate"][0] == pytest.approx(2.15 / 18, rel=0.05)
     assert gain["baseline"]["low"] < 0.122 < gain["baseline"]["high"]
     table = CliRunner().invoke(cli, ["trend", "--store", str(folder / "flights")])
     assert "control gain, rad/m" in table.output

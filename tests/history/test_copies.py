@@ -141,7 +141,7 @@ def test_baselines_and_trends_count_a_flight_once(tmp_path: Path) -> None:
     for report in (trend_report(map(PastFlight.of, [*logged, *sent])), mavhums.trend(tmp_path / "store")):
         [trend] = report.trends
         assert report.flights == trend.flights == 12
-        assert [point.log for point in trend.points] == [f"logged-{day}.tlog" for day in range(12)]
+        assert [*trend.points.log] == [f"logged-{day}.tlog" for day in range(12)]
 
 
 def test_a_copy_that_was_not_over_does_not_replace_one_that_was(tmp_path: Path) -> None:

@@ -123,8 +123,8 @@ def test_an_axis_loses_down_to_its_shares_of_the_first_flights() -> None:
     for left, limit in ((grows.to_degraded, 0.7), (grows.to_emergency, 0.5)):
         assert present(left).estimate == pytest.approx((0.77 - limit * mean) / 0.01, abs=1.5)
     assert present(found.change).estimate == pytest.approx(-0.23, abs=0.01)
-    assert [point.highest for point in found.points] == [None] * 24
-    assert [point.flight for point in found.points] == [*range(1, 25)]
+    assert found.points.highest == (None,) * 24
+    assert found.points.flight == (*range(1, 25),)
 
 
 def test_only_verdicts_of_a_vehicles_actuators_since_their_date_are_followed() -> None:

@@ -71,7 +71,7 @@ def test_json_tells_the_truth_within_its_interval(run: Run, worn: Path) -> None:
     assert elevator["change"]["low"] > 0
     assert rudder["flights_left"] is None
     assert rudder["change"]["low"] < 0 < rudder["change"]["high"]
-    assert len(rudder["points"]) == rudder["flights"] == report["flights"] == 40
+    assert len(rudder["points"]["flight"]) == rudder["flights"] == report["flights"] == 40
 
 
 def test_the_table_has_a_row_for_each_flight(run: Run, worn: Path, tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ def test_flights_that_could_not_be_judged_count() -> None:
     """Wear goes on while nobody looks: every other flight shows nothing, and counts."""
     (one,) = wearing(40, 0.01, lambda at, day: None if day % 2 else shown(at)).trends
     assert one.flights == 40
-    assert [point.flight for point in one.points] == list(range(1, 40, 2))
+    assert one.points.flight == (*range(1, 40, 2),)
     assert present(one.per_flight).estimate == pytest.approx(0.01, rel=0.02)
 
 
@@ -222,7 +222,7 @@ def test_aircraft_and_profiles_are_kept_apart(run: Run, tmp_path: Path) -> None:
     flights += [flown(other, day=day, name=f"other-{day}", airframe="other") for day in range(9)]
     write_store(tmp_path / "store", {"D-A": flights})
     report = mavhums.trend(tmp_path / "store")
-    shown_of = {(one.vehicle, one.airframe): {p.value.estimate for p in one.points} for one in report.trends}
+    shown_of = {(one.vehicle, one.airframe): {*one.points.estimate} for one in report.trends}
     assert shown_of == {(1, "paper"): {0.2}, (2, "paper"): {0.3}, (1, "other"): {0.4}}
     printed = run("trend", "--store", tmp_path / "store").out
     assert "2: elevator [paper]" in printed

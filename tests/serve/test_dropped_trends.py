@@ -33,7 +33,7 @@ def test_the_flights_of_a_board_have_a_trend(tmp_path: Path) -> None:
     [one], left = dropped_trends(logs)
     assert (one.board, one.flights, left) == ("0A", 4, 2)
     [trend] = one.report.trends
-    assert [point.value.estimate for point in trend.points] == pytest.approx([0.2, 0.22, 0.24, 0.26])
+    assert trend.points.estimate == pytest.approx((0.2, 0.22, 0.24, 0.26))
 
 
 def test_what_was_removed_or_has_no_date_is_left_out(tmp_path: Path) -> None:

@@ -115,7 +115,7 @@ def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_
 
 
 def test_repairs_are_marked_at_their_dates() -> None:
-    first, last = (trend("elevator", "friction").points[place].start_utc for place in (0, -1))
+    first, last = (trend("elevator", "friction").points.start_utc[place] for place in (0, -1))
     repairs = (
         RepairDate(actuator=None, at_utc="2000-01-01T00:00:00+00:00"),
         RepairDate(actuator="elevator", at_utc=last),

@@ -78,7 +78,7 @@ def past_flights(reading: Reading, aircraft: int, *where: Any, shown: bool = Fal
         rows = connection.execute(asked).all()
         ids = [*dict.fromkeys(row[0] for row in rows)]
         known = _recordings_in(connection, ids)
-        indicators = _indicators(connection, own) if shown else {}
+        indicators = _indicators(connection, ids) if shown else {}
         blocks = _blocks(reading, ids)
         flights = []
         for (flight, path, sha256, airframe, start_us, duration_s), several in groupby(
@@ -104,14 +104,13 @@ def past_flights(reading: Reading, aircraft: int, *where: Any, shown: bool = Fal
     return flights
 
 
-def _indicators(connection: Connection, where: Iterable[Any]) -> dict[tuple[int, int], list[PastIndicator]]:
-    """Return the indicators of verdicts, by flight and place."""
-    same = (INDICATOR.c.flight_id == VERDICT.c.flight_id) & (INDICATOR.c.place == VERDICT.c.place)
-    asked = select(INDICATOR.c.flight_id, INDICATOR.c.place, *_OF_INDICATOR).select_from(FLIGHT)
-    asked = asked.join(VERDICT, VERDICT.c.flight_id == FLIGHT.c.id).join(INDICATOR, same).where(*where)
-    found: dict[tuple[int, int], list[PastIndicator]] = defaultdict(list)
-    for flight, place, *one in connection.execute(asked).all():
-        found[flight, place].append(PastIndicator(*one))
+def _indicators(connection: Connection, flights: Iterable[int]) -> dict[Any, list[PastIndicator]]:
+    """Return the indicators of the verdicts on some flights, by flight and place."""
+    asked = select(INDICATOR.c.flight_id, INDICATOR.c.place, *_OF_INDICATOR)
+    found: dict[Any, list[PastIndicator]] = defaultdict(list)
+    for part in in_parts(flights):
+        for row in connection.execute(asked.where(INDICATOR.c.flight_id.in_(part))).all():
+            found[row[:2]].append(PastIndicator._make(row[2:]))
     return found
 
 
