@@ -229,7 +229,7 @@ def questions(folder: Path) -> None:
         f"WITH RECURSIVE days(day) AS (SELECT 1 UNION ALL SELECT day + 1 FROM days WHERE day < {flights - 1})"
     )
     with Store(store).writing() as connection:
-        for name in ("flight", "log", "recording", "verdict", "indicator"):
+        for name in ("flight", "log", "recording", "verdict", "indicator", "record"):
             columns = [column.name for column in METADATA.tables[name].columns]
             values = ", ".join(changed.get(column, f'"{column}"') for column in columns)
             names = ", ".join(f'"{column}"' for column in columns)

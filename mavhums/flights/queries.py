@@ -52,8 +52,8 @@ def worst(store: Place, *, most: int | None = None) -> list[LastFlightOf]:
             (flight, place): verdict_of(text)
             for part in in_parts(dict.fromkeys(one.flight_id for one, _ in chosen))
             for flight, place, text in connection.execute(
-                select(VERDICT.c.flight_id, VERDICT.c.place, VERDICT.c.verdict).where(
-                    VERDICT.c.flight_id.in_(part)
+                select(RECORD.c.flight_id, RECORD.c.place, RECORD.c.verdict).where(
+                    RECORD.c.flight_id.in_(part)
                 )
             )
         }
@@ -166,10 +166,9 @@ def stored_verdicts(connection: Connection, sha256: str) -> tuple[Verdict, ...]:
 def _verdicts(connection: Connection, *where: Any) -> list[tuple[str, Verdict]]:
     """Return whole verdicts in time order, each with the path of its log."""
     asked = (
-        select(FLIGHT.c.path, VERDICT.c.verdict, RECORD.c.own)
-        .select_from(VERDICT)
-        .join(FLIGHT, FLIGHT.c.id == VERDICT.c.flight_id)
-        .outerjoin(RECORD, OF_VERDICT)
+        select(FLIGHT.c.path, RECORD.c.verdict, RECORD.c.own)
+        .join(VERDICT, VERDICT.c.flight_id == FLIGHT.c.id)
+        .join(RECORD, OF_VERDICT)
         .where(*where)
         .order_by(FLIGHT.c.start_us.nulls_last(), FLIGHT.c.path, FLIGHT.c.id, VERDICT.c.place)
     )

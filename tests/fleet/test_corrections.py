@@ -50,9 +50,11 @@ def held(store: str | Path) -> tuple[object, ...]:
     """All that a store says: verdicts, recordings that do not count, and how each aircraft stands."""
     flights = {row["id"]: row["path"] for row in table(store, "flight")}
     names = {row["id"]: row["name"] for row in table(store, "aircraft")}
+    verdicts = {(row["flight_id"], row["place"]): row["verdict"] for row in table(store, "record")}
     rows = [
-        (flights[row["flight_id"]], names[row["aircraft_id"]], row["counts"], row["last"], row["verdict"])
+        (flights[row["flight_id"]], names[row["aircraft_id"]], row["counts"], row["last"], verdicts[at])
         for row in table(store, "verdict")
+        for at in [(row["flight_id"], row["place"])]
     ]
     status = fleet.status(store).model_dump(exclude={"foreign_boards", "growing", "removed"})
     with Store(store).reading() as connection:

@@ -19,7 +19,7 @@ from mavhums.core.errors import MavhumsError, MissingExtraError
 from mavhums.core.output import as_utf8
 from mavhums.flights.store.tables import METADATA, SETTING
 
-SCHEMA: Final = "2"
+SCHEMA: Final = "3"
 """Version of the tables."""
 
 FORMAT: Final = 3

@@ -161,10 +161,9 @@ def _blocks(reading: Reading, flights: Sequence[int]) -> dict[int, _Block]:
 
 
 def _read(reading: Reading, flights: Sequence[int]) -> dict[tuple[int, int], tuple[str, str | None]]:
-    columns = (VERDICT.c.flight_id, VERDICT.c.place, VERDICT.c.verdict, RECORD.c.own)
-    asked = select(*columns).select_from(VERDICT).outerjoin(RECORD, OF_VERDICT)
+    asked = select(RECORD.c.flight_id, RECORD.c.place, RECORD.c.verdict, RECORD.c.own)
     with reading() as connection:
-        rows = connection.execute(asked.where(VERDICT.c.flight_id.in_(flights)))
+        rows = connection.execute(asked.where(RECORD.c.flight_id.in_(flights)))
         return {(flight, place): (text, own) for flight, place, text, own in rows}
 
 

@@ -3,8 +3,9 @@
 ``aircraft``, ``alias`` (its former names), ``board`` (what is installed in it, with dates), ``repair``,
 ``flight`` (the bytes of one log, judged), ``log`` (a file, with its flight or why there is none),
 ``recording`` (a vehicle's flight in a log), ``verdict`` and ``indicator`` (after the comparison with earlier
-flights), ``judgement`` and ``record`` (what later comparisons need), ``standing`` (the state of an aircraft
-after each change), ``journal`` (corrections) and ``setting``.
+flights), ``record`` (the whole verdict, and what later comparisons need of it), ``judgement`` (the flight
+before any), ``standing`` (the state of an aircraft after each change), ``journal`` (corrections) and
+``setting``.
 """
 
 from __future__ import annotations
@@ -162,7 +163,6 @@ VERDICT: Final = Table(
     *_numbers("urgency", "friction_nm"),
     *map(_text, ("reason", "suspect", "finding")),
     *map(_flag, ("counts", "last")),
-    _text("verdict", nullable=False),
     Index("verdict_by_actuator", "aircraft_id", "actuator", "vehicle", "start_us"),
 )
 """``finding`` is the indicator to show, of the suspected fault if there is one; ``counts`` is false where
@@ -189,7 +189,10 @@ INDICATOR: Final = Table(
 """``error`` is the standard error of the part that differs between flights, ``highest`` the highest estimate
 in flight that decided a condition."""
 
-RECORD: Final = Table("record", METADATA, *_of_verdict(), _text("own", nullable=False))
+RECORD: Final = Table("record", METADATA, *_of_verdict(), _text("own"), _text("verdict", nullable=False))
+"""``verdict`` is the whole one, as JSON: apart, for a trend reads the columns of thousands from few pages.
+``own`` is what own-scale equations need of it; NULL where there is nothing."""
+
 STANDING: Final = Table(
     "standing",
     METADATA,

@@ -137,7 +137,7 @@ def _judge(connection: Connection, aircraft: int, name: str) -> None:
 def _have_records(connection: Connection, aircraft: int, after_us: int) -> bool:
     """Return whether a flight from a time on is compared by records: these number all flights before it."""
     asked = select(RECORD.c.place).join(VERDICT, OF_VERDICT)
-    own = (VERDICT.c.aircraft_id == aircraft, VERDICT.c.start_us >= after_us)
+    own = (VERDICT.c.aircraft_id == aircraft, VERDICT.c.start_us >= after_us, RECORD.c.own.is_not(None))
     return connection.scalar(asked.where(*own).limit(1)) is not None
 
 
@@ -160,8 +160,8 @@ def _write(connection: Connection, flight: int, aircraft: int, assessment: Asses
         past, at = PastVerdict.of(verdict), {"flight_id": flight, "place": place}
         verdicts.append(keys | at | _row_of(verdict, past))
         indicators += [at | _indicator_row(one) for one in past.indicators]
-        if past.own:
-            records.append(at | {"own": OWN.dump_json(tuple(past.own)).decode()})
+        own = OWN.dump_json(verdict.own).decode() if verdict.own else None
+        records.append(at | {"own": own, "verdict": verdict.model_dump_json(exclude={"own"})})
     recordings = []
     for each in log.flight:
         quality, row = recorded.get(each.vehicle), {"flight_id": flight, "vehicle": each.vehicle}
@@ -190,7 +190,6 @@ def _row_of(verdict: Verdict, past: PastVerdict) -> dict[str, object]:
         "finding": next((fault for fault in finding if fault in shown), None),
         "counts": True,
         "last": False,
-        "verdict": verdict.model_dump_json(exclude={"own"}),
     }
 
 
