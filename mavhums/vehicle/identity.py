@@ -169,6 +169,7 @@ class Identities:
 
     def __init__(self) -> None:
         self._known: dict[int, Identity] = {}
+        self._boards: dict[int, dict[str, str]] = {}  # the first unique id by each kind of report
         self._heard: set[int] = set()
         self._numbers: dict[tuple[int, bytes], int] = {}
         self._boots: dict[int, int] = {}
@@ -188,7 +189,9 @@ class Identities:
         """Return the known identity of a vehicle."""
         known = self._known.get(vehicle, Identity(vehicle))
         serial = self._numbers.get((vehicle, _SERIAL))
-        board = known.board or (f"serial {serial}" if serial else None)
+        boards = self._boards.get(vehicle, {})
+        # Where a text and a report of its own differ, as of a simulator, the text has all of the id.
+        board = boards.get("text") or boards.get("board") or (f"serial {serial}" if serial else None)
         return replace(known, board=board, boots=self._numbers.get((vehicle, _BOOT_COUNT)))
 
     def boot(self, vehicle: int) -> BootTimes:
@@ -226,7 +229,7 @@ class Identities:
     def _hear_boards(self, tables: Mapping[str, Table]) -> None:
         for report in reports(tables, "board"):
             for system, board in zip(report.table.system.tolist(), report.texts, strict=True):
-                self._note_board(system, board)
+                self._boards.setdefault(system, {}).setdefault("board", board)
         for report in reports(tables, "parameter"):
             own = np.isin(report.values["name"], (_SERIAL, _BOOT_COUNT))
             names, numbers = report.values["name"][own].tolist(), report.values["bits"][own].view("<f4")
@@ -237,14 +240,10 @@ class Identities:
     def _note(self, vehicle: int, **facts: Any) -> None:
         self._known[vehicle] = replace(self._known.get(vehicle, Identity(vehicle)), **facts)
 
-    def _note_board(self, vehicle: int, board: str | None) -> None:
-        """Note the unique id of a vehicle's board, of which the first one counts."""
-        if board is not None and (vehicle not in self._known or self._known[vehicle].board is None):
-            self._note(vehicle, board=board)
-
     def _hear_texts(self, tables: Mapping[str, Table]) -> None:
         for said in texts(tables):
-            self._note_board(said.vehicle, _board_in(said.text))
+            if board := _board_in(said.text):
+                self._boards.setdefault(said.vehicle, {}).setdefault("text", board)
             match = _FIRMWARE.search(said.text)
             if match:
                 self._note(said.vehicle, firmware=match[1])

@@ -82,6 +82,15 @@ def test_firmware_and_board_are_named(tmp_path: Path) -> None:
     assert (who.board, who.firmware) == ("0000000000000ABC", "1.2.3-beta")
 
 
+def test_the_id_in_a_text_has_more_digits_and_is_the_board_whenever_it_comes(tmp_path: Path) -> None:
+    """The simulator's text has all of the id of its machine, and its report the first 18 characters."""
+    text = b"e2b5edb604543deab373d50adc66fa2e"
+    said = [version(0, uid2=text[:18]), v2.MAVLink_statustext_message(6, text)]
+    for k, several in enumerate((said, said[::-1], said[:1])):
+        board = identities(write_log(tmp_path / f"{k}.tlog", several)).of(1).board
+        assert board == ("SITL 65 2B5EDB604543DEAB373D50ADC66FA2E" if k < 2 else text[:18].hex().upper())
+
+
 def test_releases_are_those_of_mavlink() -> None:
     for number, entry in v2.enums["FIRMWARE_VERSION_TYPE"].items():
         name = entry.name.removeprefix("FIRMWARE_VERSION_TYPE_").lower()
