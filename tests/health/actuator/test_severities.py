@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -79,6 +80,16 @@ def test_an_actuator_that_cannot_move_its_surface_is_an_emergency(fault: str) ->
 @pytest.mark.parametrize("fault", ["friction", "torque_constant", "jam"])
 def test_magnitudes_show_a_shaft_that_does_not_move(fault: str) -> None:
     assert verdicts(fault, FAULTS[fault].gravest, 941, "gusts")["esc-unsigned"] == "emergency"
+
+
+def test_a_load_that_is_measured_does_not_excuse_a_jam() -> None:
+    """A gear that locks slowly, at about the motor's torque at stall, looks as if a load held the shaft."""
+    flight = flown(Fault.constant("jam", 5.0), rate_hz=25.0, cyclogram="turns", seed=941, individuals=941)
+    seen, measured = reported(telemetry(flight), "csrv")
+    unloaded = seen.values.copy()
+    unloaded[:, column("V11")] = np.nan
+    found = [watch(replace(seen, values=values), measured=measured)[1] for values in (seen.values, unloaded)]
+    assert [findings.condition for findings in found] == ["emergency", "undecided"]
 
 
 def test_magnitudes_show_the_winding_where_the_shaft_stands() -> None:

@@ -22,7 +22,8 @@ motor pushes with most of its torque at stall, for half a second. The current's 
 
 A shaft that its **load** brings to a stand is not jammed: an actuator too weak or too soft is already degrees
 behind while it still moves, and then takes much of the current with which it stands. Until the command lies
-on the other side of the shaft, nothing shows whether it is jammed as well.
+on the other side of the shaft, nothing shows whether it is jammed as well. A load that is measured, and takes
+little of the motor's torque, brings nothing to a stand.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ from mavhums.health.estimation.motion import longest_gap_s
 from mavhums.health.estimation.slots import MAGNITUDES, SENSED, SHAFT, Slots, Windows
 from mavhums.health.estimation.thresholds import GUARD_S, WINDOW_S
 
-_V1, _V4, _V5, _V7 = (column(f"V{k}") for k in (1, 4, 5, 7))
+_V1, _V4, _V5, _V7, _V11 = (column(f"V{k}") for k in (1, 4, 5, 7, 11))
 # Parts that a jam is sought over: three seconds hold 11 whole ones, whenever it begins; and a window. The
 # shorter finds jams that are soon over.
 _JAM_PARTS = (AGREEING * JAM_PARTS_PER_SLOT - 1, WINDOW_S * JAM_PARTS_PER_SLOT)
@@ -232,7 +233,11 @@ class JamDetector(Detector):
         latest = np.concatenate([[self._laboured_a], laboured])[np.cumsum(moves)]
         self._laboured_a = float(latest[-1])
         pushes = np.where(latest > 0.0, *behind) > 0.0
-        return np.asarray(pushes & (np.abs(latest) > LABOURED_SHARE * current))
+        held = pushes & (np.abs(latest) > LABOURED_SHARE * current)
+        if ema:
+            load = np.maximum.reduceat(np.abs(own[:, _V11]), start)
+            held &= ~(load < LABOURED_SHARE * ema.gear_ratio * ema.torque_constant * current)
+        return np.asarray(held)
 
     def _stalls(self, slots: Slots) -> Flags:
         """Return in which pairs of slots the shaft stands while the motor pushes, shape (k,)."""
