@@ -10,9 +10,11 @@ import threading
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from examples import (
     analyse_a_log,
+    demo,
     follow_udp,
     own_recording,
     pictures,
@@ -22,6 +24,8 @@ from examples import (
     wear_over_flights,
 )
 from mavhums import analyse
+from mavhums.cli.main import cli
+from mavhums_sim.campaign import paper_campaign, run_campaign
 from tests.links import records
 
 
@@ -49,6 +53,18 @@ def test_selectors_compose_with_the_models_of_scikit_learn() -> None:
     assert len(results) == 6
     assert results["Algorithm 1 → tanh networks"] > 0.9
     assert results["Algorithm 1 → tanh networks"] > results["chi-square, best 6 → tanh networks"]
+
+
+def test_the_demos_last_flight_is_judged_as_the_readme_prints_it(tmp_path: Path) -> None:
+    flight = [(name, flown) for name, flown in paper_campaign() if name == demo.SHOWN]
+    run_campaign(flight, tmp_path, workers=1)
+    printed = CliRunner().invoke(cli, ["analyse", str(tmp_path / f"{demo.SHOWN}.tlog")]).stdout
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    block = re.search(r"^\$ \S*mavhums analyse demo/.*\n((?:.*\n)*?)```", readme, re.MULTILINE)
+    assert block, "the README prints no answer"
+    said = [line for line in block[1].splitlines() if line.strip() != "…"]
+    assert len(said) > 10
+    assert {*said} <= {line.rstrip() for line in printed.splitlines()}
 
 
 def test_analyse_a_log_counts_what_needs_work(growing_log: Path, capsys: pytest.CaptureFixture[str]) -> None:

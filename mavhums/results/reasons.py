@@ -152,7 +152,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "{who}: it steers by the difference of its motors (skid steering), which is not judged", NO_WINGS),
     "steering_unnamed": (
         "{who}: its parameters name no output that steers it (SERVOn_FUNCTION 26)",
-        "if one does, set its function, and record the parameters, too"),
+        "if an output steers it, set its function, and record the parameters, too"),
     "never_armed": ("{stood}: it was never armed", _LONGER),
     "no_speed": ("whether it flew forward is not known: the log records no speed",
         "record airspeed or GPS as well"),
@@ -169,7 +169,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         f"correct these outputs in the profile, draft one from the log's parameters ({_DRAFT}), or leave out "
         "--airframe"),
     "moved_by_none": ("by its parameters no output of this vehicle moves it in {axis}",
-        "if one does, name it in an airframe file: {name}"),
+        "if an output moves it in {axis}, name that output in an airframe file: {name}"),
     "moved_by_unknown": ("no output of this vehicle is known to move it in {axis}", _BY_NAME),
     "outputs_unknown": (
         "neither parameters nor a profile name the outputs that move the surfaces, and {why}",
