@@ -217,7 +217,8 @@ def _take(
         s.recent[:] = 0.0
         s.now[0:3] = np.nan
         return
-    if c[_DIP] > rules.bound:
+    # Far above a hover's thrust a motor may be at the end of its range: the trim does not hold there.
+    if c[_DIP] > rules.bound or mean > hover / rules.least_thrust:
         c[_WHOLE] = 0
     c[ALOFT] += 1
     c[FLOWN] += 1

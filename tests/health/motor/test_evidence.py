@@ -88,6 +88,16 @@ def test_a_dip_is_not_judged_and_a_long_one_parts_the_windows() -> None:
         assert craft.count(e.ALOFT) == SETTLED + 100 + 1 + 10 + LANDED + 5
 
 
+@pytest.mark.parametrize(("share", "judged"), [(1.42, 30), (1.44, 0)])
+def test_a_climb_far_above_the_thrust_of_a_hover_is_not_judged(share: float, judged: int) -> None:
+    craft = flown(SETTLED + 100)
+    craft.fly(1, share * HOVER)
+    before = craft.count(e.JUDGED)
+    craft.fly(30, share * HOVER)
+    assert craft.count(e.JUDGED) == before + judged
+    assert craft.count(e.ALOFT) == SETTLED + 131
+
+
 @pytest.mark.parametrize(("rows", "dead"), [(GRACE, 0), (GRACE + 1, AIRBORNE)])
 def test_a_lean_is_judged_for_a_moment_and_then_only_after_a_while(rows: int, dead: int) -> None:
     bank = np.cos(np.radians(60))

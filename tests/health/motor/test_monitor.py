@@ -349,6 +349,7 @@ PUBLIC = FLIGHTS.parent / "public"
 def test_ground_runs_climbs_and_contacts_are_no_faults(name: str, condition: str) -> None:
     found = motors(PUBLIC / name)
     assert {(one.condition, one.worst) for one in found} == {(condition, condition)}
+    assert not any(one.evidence for one in found), "no alarm while it flew"
     assert not any("do not fly" in f"{one.reason} {one.remedy}" for one in found)
 
 
