@@ -25,10 +25,9 @@ from unittest.mock import patch
 import numpy as np
 
 from benchmarks.holes import simulated
-from benchmarks.thinned import compare, conditions, judged, logs_of, report
+from benchmarks.thinned import compare, conditions, judged, logs_of, report, time_span_us
 from mavhums.app.settings import Settings
 from mavhums.core.arrays import Array
-from mavhums.log import Decoder, read_blocks
 from mavhums.vehicle.formats.base import FactReport
 
 Change = Callable[[Array, Array], Array]
@@ -137,7 +136,7 @@ def failing(changes: Mapping[str, Change], first_us: int, last_us: int) -> Itera
 def run(path: Path, settings: Settings, only: str) -> tuple[int, list[str]]:
     """Return in how many ways a sensor of a log failed, and what became worse."""
     intact, _ = judged(path, settings)
-    first_us, last_us = _time_span_us(path)
+    first_us, last_us = time_span_us(path)
     chosen = {name: changes for name, changes in failures().items() if re.search(only, name)}
     worse: list[str] = []
     for name, changes in chosen.items():
@@ -145,14 +144,6 @@ def run(path: Path, settings: Settings, only: str) -> tuple[int, list[str]]:
             failed, _ = judged(path, settings)
         worse += [f"{name}: {one}" for one in compare(conditions(intact), conditions(failed))]
     return len(chosen), worse
-
-
-def _time_span_us(path: Path) -> tuple[int, int]:
-    """Return the times of the first and the last message, µs of UTC."""
-    decoder = Decoder(())
-    for block in read_blocks(path):
-        decoder.feed(block)
-    return decoder.first_time_us or 0, decoder.last_time_us or 0
 
 
 def main() -> int:

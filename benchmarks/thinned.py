@@ -1,12 +1,15 @@
 """Faults found by taking evidence away: whoever has less telemetry must not have more faults.
 
     python benchmarks/thinned.py [LOG|FOLDER ...] [--airframe PROFILE] [--store STORE] [--only REGEX]
+                                 [--beginnings]
 
 Each log is judged again and again, each time with less of one message type: without it, with half of its
 messages, with a fifth, and in bursts of 4 s with 4 s between them. Printed is each subject that is worse than
 in the whole log: a fault that the whole log does not show, or a graver one. A type without which nothing
 changes, not even a figure, is taken away only as a whole. ``--store`` compares with the earlier flights that
-it holds, ``--only`` takes only the message types that match. Without a log a simulated quad is judged.
+it holds, ``--only`` takes only the message types that match. ``--beginnings`` takes away the beginning of the
+log instead, up to 15 places, but for its set-up: parameters, texts and heartbeats stay. Without a log a
+simulated quad is judged.
 
 The exit status is 1 if a subject is worse.
 """
@@ -40,6 +43,9 @@ PARTS: Final = {"none of": 0, "half of": 2, "a fifth of": 5, "bursts of": _BURST
 """What is left of a message type: none, one in so many, or bursts."""
 
 _BURST_US: Final = 4_000_000
+_BEGINNINGS: Final = 15
+_SETUP: Final = re.compile("PARM|PARAM|MSG$|STATUSTEXT|VER|HEARTBEAT|FMT|UNIT|MULT|logging", re.IGNORECASE)
+"""Messages that a log begins with, whenever it begins."""
 _INSTANCES: Final = ("I", "Instance", "instance", "index", "id", "array_id")
 """Fields by which messages of one type are of several sensors, ESCs or servos."""
 
@@ -72,7 +78,7 @@ class Worse(NamedTuple):
 
 
 class ThinnedDecoder(Decoder):
-    """A decoder that loses messages of one type.
+    """A decoder that loses messages of one type, or all of a log's beginning but its set-up.
 
     Parameters
     ----------
@@ -82,6 +88,8 @@ class ThinnedDecoder(Decoder):
         The type.
     part
         One of :data:`PARTS`; None keeps all.
+    begin_us
+        Time before which only the set-up is left, µs of UTC.
 
     Attributes
     ----------
@@ -89,8 +97,11 @@ class ThinnedDecoder(Decoder):
         The types that are left.
     """
 
-    def __init__(self, messages: Iterable[str] | None, name: str = "", part: str | None = None) -> None:
+    def __init__(
+        self, messages: Iterable[str] | None, name: str = "", part: str | None = None, begin_us: int = 0
+    ) -> None:
         super().__init__(messages)
+        self._begin_us = begin_us
         self._name, self._every = name, None if part is None else PARTS[part]
         self._lost: Counter[tuple[int, int, str]] = Counter()
         self._seen: Counter[tuple[int, int, float]] = Counter()
@@ -99,19 +110,24 @@ class ThinnedDecoder(Decoder):
     def feed(self, block: bytes, *, final: bool = False) -> dict[str, Table]:
         """Return the messages that are left of those that ``block`` completes."""
         tables = super().feed(block, final=final)
-        if self._every is not None and self._name in tables:
-            whole = tables.pop(self._name)
-            kept = self._kept(whole, self._every)
+        for name, whole in [*tables.items()]:
+            kept = self._kept(name, whole)
+            if kept.all():
+                continue
             lost = whole.select(~kept)
             for system, component in zip(lost.system.tolist(), lost.component.tolist(), strict=True):
-                self._lost[system, component, self._name] += 1
-            if kept.any():
-                tables[self._name] = whole.select(kept)
+                self._lost[system, component, name] += 1
+            tables[name] = whole.select(kept)
+            if not kept.any():
+                del tables[name]
         self.names |= tables.keys()
         return tables
 
-    def _kept(self, table: Table, every: int) -> NDArray[np.bool_]:
+    def _kept(self, name: str, table: Table) -> NDArray[np.bool_]:
         """Return which messages are left: those in bursts, or one in so many of each sender and instance."""
+        every = self._every if name == self._name else None
+        if every is None:
+            return np.asarray((table.time_us >= self._begin_us) | bool(_SETUP.search(name)))
         kept = np.zeros(len(table), dtype=np.bool_)
         if every == _BURSTS:
             return np.asarray(table.time_us // _BURST_US % 2 == 0)
@@ -129,11 +145,11 @@ class ThinnedDecoder(Decoder):
 
 
 def judged(
-    path: Path, settings: Settings, name: str = "", part: str | None = None
+    path: Path, settings: Settings, name: str = "", part: str | None = None, begin_us: int = 0
 ) -> tuple[Assessment, set[str]]:
     """Judge a log with this part of one message type; return also the types that are left."""
     engine = Engine(settings.engine)
-    decoder = engine._decoder = ThinnedDecoder(engine._decoder._wanted, name, part)
+    decoder = engine._decoder = ThinnedDecoder(engine._decoder._wanted, name, part, begin_us)
     for block in read_blocks(path):
         engine.feed(block)
     engine.finish()
@@ -175,6 +191,27 @@ def run(path: Path, settings: Settings, only: str) -> tuple[int, list[str]]:
     return count, worse
 
 
+def run_later(path: Path, settings: Settings) -> tuple[int, list[str]]:
+    """Return at how many places a log was made to begin later, and what became worse."""
+    whole, _ = judged(path, settings)
+    first_us, last_us = time_span_us(path)
+    worse: list[str] = []
+    for place in range(1, _BEGINNINGS + 1):
+        begin_us = first_us + (last_us - first_us) * place // (_BEGINNINGS + 1)
+        later, _ = judged(path, settings, begin_us=begin_us)
+        begins = f"begins {(begin_us - first_us) / 1e6:.1f} s later"
+        worse += [f"{begins}: {one}" for one in compare(conditions(whole), conditions(later))]
+    return _BEGINNINGS, worse
+
+
+def time_span_us(path: Path) -> tuple[int, int]:
+    """Return the times of the first and the last message of a log, µs of UTC."""
+    decoder = Decoder(())
+    for block in read_blocks(path):
+        decoder.feed(block)
+    return decoder.first_time_us or 0, decoder.last_time_us or 0
+
+
 def logs_of(places: Sequence[Path]) -> Iterator[Path]:
     """Yield the logs, and those in the folders."""
     for place in places:
@@ -208,10 +245,13 @@ def main() -> int:
     parser.add_argument("--airframe", default=None)
     parser.add_argument("--store", default=None)
     parser.add_argument("--only", default="")
+    parser.add_argument("--beginnings", action="store_true")
     given = parser.parse_args()
     settings = Settings.read(None, airframe=given.airframe, store=given.store)
     with tempfile.TemporaryDirectory() as folder:
         logs = [*logs_of(given.places)] or [simulated(Path(folder))]
+        if given.beginnings:
+            return report(logs, lambda path: run_later(path, settings), "it began later")
         return report(logs, lambda path: run(path, settings, given.only), "there was less")
 
 

@@ -145,7 +145,7 @@ RUNS: dict[str, list[Small]] = {
         Small("--only HORIZON_FLIGHTS", {"TESTS": ("tests/health/decision/test_growth.py",)})
     ],
     "sensors": [Small("LOG --only airspeed|gyro")],
-    "thinned": [Small("LOG --only PARM|RCOU")],
+    "thinned": [Small("LOG --only PARM|RCOU"), Small("LOG --beginnings", {"_BEGINNINGS": 2})],
     "tiers": [Small("", {"RATES_HZ": (25.0,), "PAPER_FRICTION_NM": (0.225,)})],
     "train": [Small("--quick --part fifty --solver lbfgs --inputs 4")],
     "trend": [Small("--quick", {"TAILS": {"normal": normal}})],
