@@ -9,7 +9,7 @@ than λ = 0:
   unexplained in the reference, D the sum of d²;
 - *lags* up to the one that the profile allows: one of them is the aircraft's, as healthy seconds show;
 - *speeds*: one that no sensor measures changes the gain by the share that is unknown;
-- *reference*: its gain has an error, which healthy seconds show;
+- *reference*: its gain has an error, and is that of its own manoeuvres, which healthy seconds show;
 - *manoeuvres*: the gain changes by a little between them, from one of some minutes to the next;
 - *trim*: thrust and speed change it, and the surfaces that follow move nothing. A trim that is constant over
   the last seconds adds noise by the share of the drive that is constant, too.
@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from math import inf, log, sqrt
+from math import hypot, inf, log, sqrt
 from typing import Final
 
 import numpy as np
@@ -50,7 +50,7 @@ from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
 
 _LAGS_S: Final = np.array((0.0, *EXTRA_LAGS_S))
-_ERRORS: Final = np.arange(-3.0, 4.0)[:, None]  # of the reference's gain, in its standard errors
+_ERRORS: Final = np.arange(-3.0, 4.0)[:, None]  # of the reference's gain, in standard deviations
 _TINY: Final = float(np.finfo(np.float64).tiny)
 _PRIOR: Final = -0.5 * _ERRORS**2 - np.logaddexp.reduce(-0.5 * _ERRORS**2)  # logarithms of probabilities
 
@@ -100,10 +100,12 @@ class LossTest:
         weights = np.where(lost, half / lost.sum(), half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
         self.highest, self.threshold = -inf, self._test.threshold
-        self._gains = 1.0 + reference.error * _ERRORS
+        # The reference is a manoeuvre, too.
+        error = hypot(reference.error, GAIN_DEVIATION)
+        self._gains = 1.0 + error * _ERRORS
         # Of each gain, in the rows, and of each allowed lag, in the columns.
         self._likely: Array = _PRIOR - log(len(self._allowed)) + np.zeros(len(self._allowed))
-        self._changes = _changes(reference.error)
+        self._changes = _changes(error)
         self._noise = self._health = 0.0
         self._waiting = 0  # seconds since the last one over which a loss is excluded
         self._window: deque[Array] = deque(maxlen=GUST_WINDOW_S)

@@ -259,7 +259,7 @@ def test_what_the_error_of_a_boats_speed_explains_is_no_loss(
     flight["speed"] = np.full(demand.size, speed)
     flight["sources"] += 3.0 if through_water else 2.0
     noise = 0.01 * np.random.default_rng(5).normal(size=demand.size)
-    flight["yaw_rate"] = 0.8 * np.where(np.arange(demand.size) < 120 * 20, 1.0, 0.8) * demand + noise
+    flight["yaw_rate"] = 0.8 * np.where(np.arange(demand.size) < 120 * 20, 1.0, 0.76) * demand + noise
     assert bool(certain(EffectivenessTracker("steering").feed(rows(flight)))) is found
 
 
