@@ -53,7 +53,7 @@ class Deriver:
         self.dropped: set[str] = set()
         self._actuator = actuator
         self._turned = np.array([np.nan, np.nan, np.nan, 0.0])
-        self._standing, self._motion = np.zeros(4), np.zeros(5)
+        self._at_rest, self._motion = np.zeros(4), np.zeros(5)
 
     def complete(self, aligned: Aligned) -> Array:
         """Return V1…V12 of shape (n, 12), including the derived values."""
@@ -94,10 +94,10 @@ class Deriver:
         self.derived["V7"] = "magnitude from {V7}, sign of the command's rate"
 
     def _sign_current(self, aligned: Aligned, values: Array) -> None:
-        """Give V5 and V4 the signs of the voltage equation; NaN where it does not tell them."""
+        """Give V5 and V4 the signs of the voltage equation; NaN where it does not give them."""
         ema, rev_min = self._actuator.known_ema(), np.ascontiguousarray(aligned.values[:, _V7])
         constants = ema.resistance, ema.torque_constant, self._actuator.moving_speed_rev_min
-        _decide(aligned.utc_us, values, rev_min, constants, self._standing, self._motion)
+        _decide(aligned.utc_us, values, rev_min, constants, self._at_rest, self._motion)
         self.derived |= {key: f"magnitude from {{{key}}}, {SIGNED_BY_VOLTAGE}" for key in ("V4", "V5")}
 
     def _from_bus(self, values: Array, *, signed: bool) -> None:
@@ -184,7 +184,7 @@ _SURE = 2.5
 _LASTING_S = 0.1
 """How long the current keeps its sign in one motion. With 0.2 s a third fewer actuators stay undecided, but
 a healthy actuator brakes between the steps of its command, and its interval misses the truth more often."""
-_STANDING = 0.2  # times the moving speed: an ESC's speed noise at standstill
+_AT_REST = 0.2  # times the moving speed: an ESC's speed noise at standstill
 _LOADED = 3.0  # steps of the current: less is noise, whose ratio to the voltage is no resistance
 _RESISTANCE_DEVIATION = 0.2  # of the data sheet's: temperature, wear and individuals
 _PRIOR_SAMPLES = 20.0  # weight of the assumption that the noise is one step of the current
@@ -194,7 +194,7 @@ _MISFIT_SHARE = 0.3  # an aged winding or magnet
 
 
 @kernel
-def _winding(standing: Array1, nominal: float) -> tuple[float, float]:
+def _winding(at_rest: Array1, nominal: float) -> tuple[float, float]:
     """Return resistance, Ω, and variance of |U| − R·|I|, V², from samples at standstill.
 
     The line through the origin has errors in both variables (W. E. Deming, "Statistical Adjustment of
@@ -202,12 +202,12 @@ def _winding(standing: Array1, nominal: float) -> tuple[float, float]:
 
     Parameters
     ----------
-    standing
+    at_rest
         Number of samples, and sums of U², U·I and I², shape (4,).
     nominal
         Resistance of the data sheet, Ω.
     """
-    count, volts, both, amperes = standing
+    count, volts, both, amperes = at_rest
     step = (nominal * _STEP_A) ** 2
     if both <= 0.0:
         return nominal, step
@@ -226,10 +226,10 @@ def _decide(
     values: Array2,
     rev_min: Array1,
     constants: tuple[float, float, float],
-    standing: Array1,
+    at_rest: Array1,
     motion: Array1,
 ) -> None:
-    """Set the signs sample by sample; ``standing`` and ``motion`` are kept between blocks.
+    """Set the signs sample by sample; ``at_rest`` and ``motion`` are kept between blocks.
 
     ``motion`` holds, of the latest motion one way, its last time and direction, the log-odds of a driving
     current, its expectation (in units of a certain sign), and its variance.
@@ -240,12 +240,12 @@ def _decide(
         values[k, _V4] = values[k, _V5] = np.nan
         if np.isnan(volts) or np.isnan(amperes):
             continue
-        resistance, variance = _winding(standing, nominal)
-        if rev_min[k] <= _STANDING * moving and volts > _LOADED * _STEP_A * nominal:
-            standing[0] += 1.0
-            standing[1] += volts * volts
-            standing[2] += volts * amperes
-            standing[3] += amperes * amperes
+        resistance, variance = _winding(at_rest, nominal)
+        if rev_min[k] <= _AT_REST * moving and volts > _LOADED * _STEP_A * nominal:
+            at_rest[0] += 1.0
+            at_rest[1] += volts * volts
+            at_rest[2] += volts * amperes
+            at_rest[3] += amperes * amperes
         if not abs(speed) > moving:
             continue
         drop, back_emf = resistance * amperes, torque_constant * abs(speed) * RAD_S_PER_REV_MIN

@@ -74,7 +74,7 @@ _SERVO_VALUE: Final = re.compile(r"S(\d{1,2})(Cmd|Pos|V|A|Spd|RPM)")
 _HEAD = """\
 # DRAFT of an airframe profile, from the parameters of vehicle {vehicle} in {log}.
 #
-# A log cannot tell what an actuator is made of. Until you fill in what is marked FILL IN, an actuator
+# A log does not record what an actuator is made of. Until you fill in what is marked FILL IN, an actuator
 # that reports something is compared with its own earlier flights alone. Remove the # of a line that you
 # fill in. What is marked GUESS follows from a name in the log: check it.
 name = {name}

@@ -295,7 +295,7 @@ class VehicleMappers:
     def __init__(self, airframe: Airframe | None = None) -> None:
         self._given = airframe
         self._mappers = [] if airframe is None else [Mapper(airframe)]
-        self._told: set[tuple[int, str]] = set()
+        self._tiers: set[tuple[int, str]] = set()
         self.drafts: dict[int, Draft] = {}
 
     @property
@@ -305,7 +305,7 @@ class VehicleMappers:
 
     def listen(self, tables: Mapping[str, Table]) -> Iterator[tuple[Announcement, Airframe | None]]:
         """Yield the vehicles' profile messages, and the profile used; None if it is not known."""
-        self._told |= tiers_by_content(tables)
+        self._tiers |= tiers_by_content(tables)
         for said in announcements(tables):
             if self._given is None and (said.vehicle in self.drafts or self.mapper(said.vehicle) is None):
                 if said.known:
@@ -341,4 +341,4 @@ class VehicleMappers:
     def tier(self, vehicle: int | None, counts: Mapping[tuple[int, int, str], int]) -> Tier | None:
         """Return the richest tier of a vehicle, given the number of messages by (system, component, name)."""
         messages = {name for system, _, name in counts if system == vehicle}
-        return best_tier(messages, {tier for told, tier in self._told if told == vehicle})
+        return best_tier(messages, {tier for system, tier in self._tiers if system == vehicle})

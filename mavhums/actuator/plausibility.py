@@ -3,13 +3,13 @@
 A register that a servo refreshes once a second is sent with every message. While the shaft moves, a quantity
 that is sampled changes; one that only repeats itself is no evidence, whatever the rate of the messages.
 
-A motor that stands takes a current of the sign of its voltage. A current that is positive at either sign is a
+A motor at rest takes a current of the sign of its voltage. A current that is positive at either sign is a
 magnitude, and no equation that needs signs holds for it.
 
 Servos that share an id report in turn, nearly at the same time: the angle leaps to and fro, faster than any
 servo turns. How the angle follows from the pulse is a line, fitted to the first seconds in which both move
-together, and then held: a shaft that stands later does not follow it. Of a shaft that does not follow from
-the beginning there is no line, which is said where the pulse moved.
+together, and then held: a shaft that stops later does not follow it. A shaft that does not follow from the
+beginning has no line, which is reported where the pulse moved.
 
 The counts run from sample to sample, so that the division of the log into blocks does not matter.
 """
@@ -39,7 +39,7 @@ _LONGEST_STEP_S: Final = 0.5
 
 _DECIDED_S: Final = 2.0
 """Motion after which a quantity may count as repeated, s: less would call two equal readings a register that
-stands still, more would let a register's first readings count. By hand; a healthy current changes within
+does not change, more would let a register's first readings count. By hand; a healthy current changes within
 0.1 s."""
 
 _CHANGED_SHARE: Final = 0.25
@@ -50,11 +50,11 @@ _UNSIGNED_SAMPLES: Final = 5
 """Samples at standstill whose voltage is negative and whose current is not, from which on a current that was
 never negative is a magnitude: one may be noise of the voltage. By hand."""
 
-_STANDING_SHARE: Final = 0.02
-"""Share of the highest speed so far below which the shaft stands: so small is its back-EMF."""
+_REST_SHARE: Final = 0.02
+"""Share of the highest speed so far below which the shaft is at rest: so small is its back-EMF."""
 
 _LOADED_SHARE: Final = 0.1
-"""Share of the highest voltage so far above which a standing motor is loaded: less is noise."""
+"""Share of the highest voltage so far above which a motor at rest is loaded: less is noise."""
 
 _UNSIGNED = "the current has no sign"
 
@@ -160,8 +160,8 @@ def _unsigned(values: Array2, signs: Array1, refused: Flags2) -> None:
             continue
         signs[0] = max(signs[0], abs(volts))
         signs[1] = max(signs[1], abs(speed))
-        stands = abs(speed) < _STANDING_SHARE * signs[1]
-        signs[2] += stands and volts < -_LOADED_SHARE * signs[0] and amperes > 0.0
+        at_rest = abs(speed) < _REST_SHARE * signs[1]
+        signs[2] += at_rest and volts < -_LOADED_SHARE * signs[0] and amperes > 0.0
         signs[3] += amperes < 0.0
         refused[i, _V5] |= _is_unsigned(signs[2], signs[3])
 

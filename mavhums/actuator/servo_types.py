@@ -36,7 +36,7 @@ def packaged_servo_types() -> Mapping[str, Mapping[str, Any]]:
 
 
 def with_servo_types(profile: Any) -> Any:
-    """Return a profile's table with what its actuators' ``servo_type`` stand for, and without own types.
+    """Return a profile's table with the values of its actuators' ``servo_type``, and without own types.
 
     Raises
     ------

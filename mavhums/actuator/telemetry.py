@@ -39,7 +39,7 @@ class Tier:
     from_esc
         Whether the messages are those of any ESC, which on most aircraft drives a propeller.
     names_servo
-        Whether the messages say of which servo they are, so that no profile need tell.
+        Whether the messages name their servo, so that no profile need name it.
     """
 
     name: str
@@ -188,7 +188,7 @@ def read(tables: Mapping[str, Table], actuators: Sequence[Actuator]) -> Iterator
 def _commanded(actuator: Actuator, pulse_us: Array) -> tuple[Any, Array] | None:
     """Return the rows of pulses that are commands, and V1 by the profile's calibration; None without any.
 
-    A pulse beyond its calibration tells no angle. The pulse already contains a reversal.
+    A pulse beyond its calibration shows no angle. The pulse already contains a reversal.
     """
     low_deg, high_deg = actuator.travel_deg or NOMINAL_TRAVEL_DEG
     least, most = _PULSES_US if actuator.servo < FIRST_UAVCAN_OUTPUT else _UAVCAN

@@ -36,7 +36,7 @@ class Options:
         A model, its packaged name or its file, or several models; if None, those that ship with mavhums.
     decide
         Who decides an actuator's friction: ``physics``; ``network``, where one is for its airframe; or
-        ``both``: the physics decides, and where the network says otherwise is told. Without limits in the
+        ``both``: the physics decides, and a notice reports where the network disagrees. Without limits in the
         profile the physics cannot decide, and the network does.
     store
         A store of flights, its file or its address: those of the log's aircraft give each actuator's own

@@ -217,7 +217,7 @@ def _recordings_of(logs: Sequence[Path], rrd: Path | None) -> dict[Path, Path]:
 
 
 def _open_recordings(recordings: Sequence[Path]) -> None:
-    """Open recordings in the Rerun viewer; warn if it cannot be started, for the verdicts stand."""
+    """Open recordings in the Rerun viewer; warn if it cannot be started, for the verdicts remain valid."""
     import subprocess
 
     from mavhums.show.viewer import viewer_call

@@ -143,7 +143,7 @@ def _print_first(lines: Sequence[str], what: str) -> None:
 @click.option("-n", "most", type=click.IntRange(1), default=20, help="How many.")
 @JSON
 def worst(store: str, most: int, as_json: bool) -> None:
-    """Show the actuators of all aircraft as they stand after their last flights, the worst first.
+    """Show the state of all actuators of all aircraft after their last flights, the worst first.
 
     A limit that was crossed stays crossed until a repair, or until five flights in a row say otherwise.
 

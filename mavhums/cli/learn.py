@@ -122,7 +122,7 @@ def train(
     base = PrecedentBase(precedents) if precedents else None
     started, latest = time.monotonic(), [time.monotonic()]
 
-    def tell(line: str) -> None:
+    def report(line: str) -> None:
         elapsed, latest[0] = time.monotonic() - latest[0], time.monotonic()
         say(line if line.startswith(" ") else f"{line}  [{elapsed:.1f} s{_peak_memory()}]")
 
@@ -130,8 +130,8 @@ def train(
         warnings.simplefilter("always", CommandLeakWarning)
         warnings.showwarning = lambda message, *_: say(f"warning: {message}", err=True)
         options = ModelOptions(tier, flights, seed, scheme, flown_weight)
-        network, card, window = train_model(profile, options, precedents=base, tell=tell, progress=progress)
-    model = save_model(output, network, card, window)
+        trained = train_model(profile, options, precedents=base, report=report, progress=progress)
+    model, card = save_model(output, *trained), trained[1]
     took_s = time.monotonic() - started
     say(f"{output}: {' '.join(card.features)} → {card.name}, sha256 {model.hash[:12]}, {took_s:.0f} s")
     for name, value in (card.calibration.metrics if card.calibration else {}).items():

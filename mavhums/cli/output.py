@@ -30,7 +30,7 @@ def open_closed_streams() -> None:
 
 
 _BEYOND_ASCII = re.compile(r"[^\x00-\x7e]")
-_TOLD = (ExitCode.EMERGENCY, ExitCode.DEGRADED)
+_FINDINGS = (ExitCode.EMERGENCY, ExitCode.DEGRADED)
 
 
 def say(text: str, *, err: bool = False) -> None:
@@ -131,7 +131,7 @@ def sound_output() -> Iterator[None]:
         failure = output_error()
         if failure is not None and not isinstance(failure, BrokenPipeError):
             say(f"mavhums: cannot write the standard output: {failure.strerror}", err=True)
-            code = code if code in _TOLD else ExitCode.ERROR
+            code = code if code in _FINDINGS else ExitCode.ERROR
     finally:
         sys.stdout, sys.stderr = before
     sys.exit(code)  # type: ignore[arg-type]

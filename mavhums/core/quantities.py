@@ -112,7 +112,7 @@ WINDOW_FEATURES: Final[Mapping[str, tuple[str, ...]]] = {
     "flown": ("V1", "V7"),  # path flown for each degree commanded, 1
     "missed mean": ("V1", "V2", "V3"),  # command less angle, °
     "missed std": ("V1", "V3"),  # command less angle, °
-    "V4 all rms": ("V4",),  # voltage, standing or moving, V
+    "V4 all rms": ("V4",),  # voltage, at rest or in motion, V
     "V4 peak": ("V4",),  # largest magnitude of the voltage, V
 }
 """What each statistic of a window needs, in the order of the columns of :func:`window_features`."""
@@ -141,7 +141,7 @@ def shows_something(sums: Array) -> NDArray[np.bool_]:
     """Return which windows can show a condition, shape (n,), of their sums, shape (n, ``SUMS``).
 
     Those with twenty samples in motion, five of them either way; and those whose shaft stays behind a
-    command of several degrees. A standing actuator that nothing commands is not asked, nor one that reports
+    command of several degrees. An actuator at rest that nothing commands is not asked, nor one that reports
     more rarely than those that networks are trained on.
     """
     moving, way = sums[:, 0], sums[:, 1]

@@ -159,7 +159,7 @@ class Actuators:
         return [model for model in self._options.models if model.card.airframe == airframe.name]
 
     def _forget(self, vehicle: int, actuator: str, time_s: float) -> Iterator[Event]:
-        """Forget what was judged of an actuator whose output, as the log tells now, moves something else."""
+        """Forget what was judged of an actuator whose output moves something else, as the log now records."""
         monitor, setups = self._monitors.pop((vehicle, actuator), None), self._setups(vehicle)
         reason = setups.at(time_s).against(actuator) or setups.last.against(actuator)
         if monitor is None or reason is None:

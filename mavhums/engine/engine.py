@@ -116,13 +116,13 @@ class Engine:
         decoder = self._decoder
         first, last = decoder.first_time_us, decoder.last_time_us
         vehicles = decoder.vehicles or self._identities.vehicles
-        told: dict[int, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
+        messages: dict[int, dict[tuple[int, int, str], int]] = {vehicle: {} for vehicle in vehicles}
         for key, count in decoder.counts.items():
-            told.get(key[0], {})[key] = count
+            messages.get(key[0], {})[key] = count
         names = self._mappers.airframes
         mixed = self._clocks.mixed
         alone = [] if vehicles else [*unjudged_vehicle(None, None)]
-        for vehicle, sent in told.items():
+        for vehicle, sent in messages.items():
             alone += self._of_vehicle(vehicle, self._mappers.tier(vehicle, sent), indicators)
         verdicts = tuple(with_advice(of_several_senders(one, mixed.get(one.vehicle))) for one in alone)
         events, left_out = self._events.gathered(self._axes.by_rotors(), mixed)
@@ -190,7 +190,7 @@ class Engine:
         return FlightIdentity(vehicle=vehicle, board=known.board, boots=known.boots, **dates)
 
     def identity(self, vehicle: int) -> Identity:
-        """Return the identity of a vehicle, with the kind that its parameters tell."""
+        """Return the identity of a vehicle, with the kind that its parameters show."""
         return refined_identity(self._identities.of(vehicle), self._axes.parameters(vehicle).values)
 
     def mapper(self, vehicle: int) -> Mapper | None:

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from mavhums.health.motor.monitor import MotorMonitor
 
 _EARLY_S: Final = 20
-"""Seconds kept until the parameters apply: they apply from where they stand in the log, and a log that
+"""Seconds kept until the parameters apply: they apply from their place in the log, and a log that
 begins in the air, or a link that sends them on request, has them some seconds late."""
 _LATE_S: Final = 40  # by which a stream may lag
 
 
 class VehicleMotors:
-    """The motors of one vehicle: none is judged until the parameters tell where they sit.
+    """The motors of one vehicle: none is judged until the parameters show where they are.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class VehicleMotors:
 
 
 def beside_motors(actuators: Sequence[Verdict], others: Sequence[Verdict]) -> Sequence[Verdict]:
-    """Return the verdicts on actuators without those that only tell a copter that it has no surfaces."""
+    """Return the verdicts on actuators without those that only say of a copter that it has no surfaces."""
     if any(verdict.subject == "motor" for verdict in others):
         return [verdict for verdict in actuators if "multirotor" not in verdict.reason_codes]
     return actuators

@@ -3,7 +3,7 @@
 *A profile names outputs.* A wrong profile looks like a lost surface: the demand that its outputs give is not
 the one that moves the aircraft. So in the first minutes each output that moves is tried as the demand of the
 axis. An output that explains the motion much worse than another one does not move the axis. Outputs that move
-together, as rudder and aileron do in coordinated flight, cannot be told apart then. So an alarm is tested
+together, as rudder and aileron do in coordinated flight, look alike then. So an alarm is tested
 against other outputs, too: where one of them explains the same seconds without any loss, the surface is not
 lost.
 
@@ -121,12 +121,12 @@ def refutation(
     alone = {
         k + 1: _alone(pulses, k, outputs) for k in range(pulses.shape[1]) if _moves(pulses[rows.flying, k])
     }
-    # An output that stands while the loss is seen raises no alarm because it says nothing: its own surface
+    # An output at rest while the loss is seen raises no alarm because it shows nothing: its own surface
     # may be the lost one (two ALFA flights whose aileron stops with its output): it is no wrong one either.
-    telling = {servo: demand for servo, demand in alone.items() if np.isfinite(demand[-_SHOWN_ROWS:]).all()}
-    tried = {servo: _judged(rows, axis, demand, limits) for servo, demand in telling.items()}
+    usable = {servo: demand for servo, demand in alone.items() if np.isfinite(demand[-_SHOWN_ROWS:]).all()}
+    tried = {servo: _judged(rows, axis, demand, limits) for servo, demand in usable.items()}
     movers = [servo for servo, found in tried.items() if found.whole and not found.alarmed]
-    silent = alone.keys() - telling.keys()
+    silent = alone.keys() - usable.keys()
     wrong = [one.servo for one in outputs if one.servo not in movers and one.servo not in silent]
     return _contradiction_text(axis, wrong, movers) if wrong and movers else ""
 
@@ -153,7 +153,7 @@ def rests_on_outputs(event: object) -> TypeGuard[ConditionChanged]:
 
 
 def _alone(pulses: Array, k: int, outputs: Sequence[SurfaceOutput]) -> Array:
-    """Return an output alone as a demand; NaN while it stands and another one of its group moves.
+    """Return an output alone as a demand; NaN while it rests and another one of its group moves.
 
     An output that is overridden no longer shows the demand, and it may be its surface that has failed.
     """
@@ -164,8 +164,8 @@ def _alone(pulses: Array, k: int, outputs: Sequence[SurfaceOutput]) -> Array:
     steps = np.diff(pulses[:, columns], axis=0, prepend=pulses[:1, columns])
     at = np.where(np.isfinite(steps) & (steps != 0.0), np.arange(len(pulses))[:, None], 0)
     changed = np.maximum.accumulate(at, axis=0)
-    stands = changed.max(axis=1) - changed[:, columns.index(k)] >= RATE_HZ
-    return np.where(stands, np.nan, demand)
+    rests = changed.max(axis=1) - changed[:, columns.index(k)] >= RATE_HZ
+    return np.where(rests, np.nan, demand)
 
 
 def _alike(rows: Rows, pulses: Array, one: int, other: int) -> bool:

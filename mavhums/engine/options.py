@@ -30,7 +30,7 @@ class EngineOptions:
         quantities its samples contain.
     decide
         Who decides an actuator's friction: the physics, a network where one is for its airframe, or both.
-        With ``both`` the physics decides, and where the network says otherwise is told.
+        With ``both`` the physics decides, and a notice reports where the network disagrees.
     false_alarms
         Accepted number of false alarms in 100 hours of an actuator or an axis.
     dialect

@@ -136,5 +136,5 @@ def at_full_output(followed: VehicleAxes) -> Iterator[str]:
     }
     short = {name: time_s for name, time_s in full.items() if time_s >= _SATURATED_S}
     if short:
-        told = ", ".join(f"{name} for {time_s:.0f} s" for name, time_s in short.items())
-        yield f"at full output in all: {told}"
+        times = ", ".join(f"{name} for {time_s:.0f} s" for name, time_s in short.items())
+        yield f"at full output in all: {times}"

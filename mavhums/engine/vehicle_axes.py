@@ -260,8 +260,8 @@ class VehicleAxes:
         surfaces = self.surfaces
         if surfaces is None or surfaces.origin != "profile":
             return []
-        told = surfaces.confirmed | surfaces.by_log
-        return [axis for axis in TRIED_AXES if axis not in told and surfaces.of_axis(axis)]
+        recorded = surfaces.confirmed | surfaces.by_log
+        return [axis for axis in TRIED_AXES if axis not in recorded and surfaces.of_axis(axis)]
 
     def _refuted(self, events: Sequence[AxisChange]) -> Surfaces | None:
         """Return the surfaces less the axes whose outputs the motion contradicts; None if it does of none.
@@ -301,8 +301,8 @@ class VehicleAxes:
 
     def _as_it_moves(self, surfaces: Surfaces) -> Surfaces:
         """Return the surfaces, less the axes that the motion contradicts and no parameter confirms."""
-        told = surfaces.confirmed | surfaces.by_log
-        found = {axis: text for axis, text in self._answers.items() if text and axis not in told}
+        recorded = surfaces.confirmed | surfaces.by_log
+        found = {axis: text for axis, text in self._answers.items() if text and axis not in recorded}
         if "roll" in found:  # the side force of the ailerons must be known to judge yaw
             found["yaw"] = found["roll"]
         return replace(surfaces, contradicted={**surfaces.contradicted, **found}) if found else surfaces

@@ -23,7 +23,7 @@ _EXAMPLE: Final = (
 )
 _PATIENCE_S: Final = 15.0
 _CAUSE: Final = re.compile(r"\[Errno -?\d+\] ([\w ]+)")
-_TOLD: Final = ("WARNING ", "ERROR ")
+_REPORTED: Final = ("WARNING ", "ERROR ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,12 +112,12 @@ def _sent(service: Any, title: str, text: str) -> str:
 
     sender = apprise.Apprise()
     sender.add(service)
-    with apprise.LogCapture(level=logging.DEBUG, fmt="%(levelname)s %(message)s") as told:
+    with apprise.LogCapture(level=logging.DEBUG, fmt="%(levelname)s %(message)s") as log:
         if sender.notify(title=title, body=text, body_format=apprise.NotifyFormat.TEXT):
             return ""
-        said = told.getvalue()
+        said = log.getvalue()
     # The other lines may hold a password or a token.
-    reasons = [line.partition(" ")[2] for line in said.splitlines() if line.startswith(_TOLD)]
+    reasons = [line.partition(" ")[2] for line in said.splitlines() if line.startswith(_REPORTED)]
     return ", ".join(dict.fromkeys([*reasons, *_CAUSE.findall(said)])) or "no reason was given"
 
 

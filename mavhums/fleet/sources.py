@@ -116,7 +116,7 @@ def _is_named_log(name: str) -> bool:
 
 
 def _files(path: Path) -> Iterator[LogFile]:
-    """Yield a log, or each log in an archive; one without any is judged as it is, which tells the reason."""
+    """Yield a log, or each log in an archive; one without any is judged as it is, and gives the reason."""
     file = LogFile.at(path)
     inside = []
     if _ARCHIVE.fullmatch(path.name):

@@ -32,7 +32,7 @@ class ScannedFlight(NamedTuple):
     conditions
         How often the flight, compared with the earlier ones, has each condition.
     findings
-        How the actuators stand that need somebody's attention, if this is their last flight.
+        The states of the actuators that need somebody's attention, if this is their last flight.
     """
 
     path: str
@@ -116,8 +116,8 @@ class LogWatcher:
         scan_files(new, self._store.address, self._options)
         known, _ = self._known(new)
         with self._store.reading() as connection:
-            stands = standings(connection)
-            landed = {file: _landed(connection, file, stands) for file in new}
+            states = standings(connection)
+            landed = {file: _landed(connection, file, states) for file in new}
         for file, one in landed.items():
             if one is None:  # a copy of a log that was removed
                 self._done.add(file)
@@ -139,7 +139,7 @@ class LogWatcher:
 
 
 def _landed(
-    connection: Connection, file: LogFile, stands: dict[str, tuple[Standing, ...]]
+    connection: Connection, file: LogFile, states: dict[str, tuple[Standing, ...]]
 ) -> ScannedFlight | None:
     log = (
         select(LOG.c.problem, LOG.c.remedy, LOG.c.flight_id, AIRCRAFT.c.name)
@@ -158,5 +158,5 @@ def _landed(
         .order_by(func.max(VERDICT.c.urgency).desc())
     )
     conditions: Counter[str] = Counter(dict(connection.execute(counts).all()))
-    findings = tuple(one for one in stands.get(row.name or "", ()) if one.is_finding and one.log == file.path)
+    findings = tuple(one for one in states.get(row.name or "", ()) if one.is_finding and one.log == file.path)
     return ScannedFlight(file.path, row.name or "", row.problem, row.remedy, conditions, findings)

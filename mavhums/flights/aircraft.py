@@ -40,7 +40,7 @@ GIVEN = "="
 """Begins a rule that gives the name itself, whatever the path."""
 
 UNKNOWN = ""
-"""Stands for an aircraft that nothing names; two such logs are never taken for one aircraft's."""
+"""Name of an aircraft that nothing names; two such logs are never taken for one aircraft's."""
 
 Since = Mapping[str | None, datetime]
 """Dates from which flights count, by actuator, for example after a repair; None applies to all others."""
@@ -326,7 +326,7 @@ class AircraftResolver:
 
 
 def latest(one: Since | None, other: Since | None) -> Mapping[str | None, datetime]:
-    """Return the later date of each actuator; the key None stands for all that have no own one.
+    """Return the later date of each actuator; the key None means all that have no own one.
 
     Examples
     --------

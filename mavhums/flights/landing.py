@@ -100,17 +100,17 @@ class OwnFlights:
             return self.compared(alone)
         with self._store.reading() as connection:
             verdicts = stored_verdicts(connection, log.sha256 or "")
-            stands = standings(connection, self._aircraft).get(self._aircraft, ())
-        own = [one for one in stands if one.last_utc == PastFlight.of(alone.assessment).start.isoformat()]
+            recorded = standings(connection, self._aircraft).get(self._aircraft, ())
+        own = [one for one in recorded if one.last_utc == PastFlight.of(alone.assessment).start.isoformat()]
         last = tuple(one.model_copy(update={"log": log.path}) for one in own)
         named = self.resolver.named(alone.assessment.model_copy(update={"verdicts": verdicts}))
         return self.completed(named, last or None)
 
-    def completed(self, assessment: Assessment, stands: tuple[Standing, ...] | None = None) -> Assessment:
+    def completed(self, assessment: Assessment, states: tuple[Standing, ...] | None = None) -> Assessment:
         """Return a compared assessment with what the store knows of its aircraft.
 
-        That is how many flights it was compared with, how each actuator stands over them, which other logs
-        record this one, and what an operator should look into. ``stands`` is how they stand, if known.
+        That is how many flights it was compared with, each actuator's state over them, which other logs
+        record this one, and what an operator should look into. ``states`` are these states, if known.
         """
         if not self.is_named:
             return assessment.with_notice(
@@ -125,10 +125,10 @@ class OwnFlights:
         except UndatedError:
             return assessment
         count = self.flights.count(flown)
-        if stands is None or not count:
+        if states is None or not count:
             known, before = self.flights, self.flights.recent() if count else ()
-            stands = standings_after(flown, before, known.since(flown.start), known.baselines)
-        counted = {"standings": stands, "earlier_flights": count}
+            states = standings_after(flown, before, known.since(flown.start), known.baselines)
+        counted = {"standings": states, "earlier_flights": count}
         return with_copies(assessment, self.flights.near(flown)).model_copy(update=counted)
 
 

@@ -76,8 +76,8 @@ def actuators_in(store: Place) -> int:
 
 
 def _ranked(connection: Connection) -> list[tuple[Any, Standing | None]]:
-    """Return the row of each actuator in its last flight and how it stands, the worst first."""
-    stands = {
+    """Return the row of each actuator in its last flight and its state, the worst first."""
+    states = {
         (aircraft, one.vehicle, one.actuator): one
         for aircraft, several in standings(connection).items()
         for one in sorted(several, key=lambda one: one.last_utc)
@@ -104,7 +104,7 @@ def _ranked(connection: Connection) -> list[tuple[Any, Standing | None]]:
         whose = row.aircraft, row.vehicle, row.actuator
         # two flights that begin at once are one place in the list
         key = whose if row.aircraft != UNKNOWN else (row.path, *whose)
-        found.setdefault(key, (row, stands.get((row.aircraft, row.vehicle or 0, row.actuator))))
+        found.setdefault(key, (row, states.get((row.aircraft, row.vehicle or 0, row.actuator))))
 
     def rank(one: tuple[Any, Standing | None]) -> tuple[float, float]:
         row, standing = one
@@ -116,7 +116,7 @@ def _ranked(connection: Connection) -> list[tuple[Any, Standing | None]]:
 def standings(
     connection: Connection, aircraft: str | None = None, *, until_us: int | None = None
 ) -> dict[str, tuple[Standing, ...]]:
-    """Return how each aircraft with a name, or one, stands or stood at a time; worst first within each."""
+    """Return the states of each named aircraft, or of one, now or at a time; worst first within each."""
     newest = select(STANDING.c.id).where(STANDING.c.aircraft_id == AIRCRAFT.c.id)
     if until_us is not None:
         newest = newest.where(STANDING.c.stored_us <= until_us)

@@ -1,7 +1,7 @@
 """Reports from a store: an aircraft's trends, what changed since a time, and all verdicts as a table.
 
-How each aircraft stood after each change is kept beside the verdicts: what changed since yesterday is the
-difference of what a reader saw then and what there is now, whatever came late or was judged again.
+The store keeps each aircraft's state after each change, beside the verdicts: what changed since yesterday is
+the difference of what a reader saw then and what there is now, whatever came late or was judged again.
 """
 
 from __future__ import annotations
@@ -157,14 +157,14 @@ def _kinds(was: Standing | None, now: Standing) -> Iterator[str]:
     if worse > old:
         yield "worse" if old else "new"
     elif now.growth and (was is None or was.growth is None or _is_soon(now.growth) > _is_soon(was.growth)):
-        # Whose fault is told does not need to be told to grow, too: its sentence says so.
+        # A fault that is reported needs no second line for its growth: its sentence contains it.
         yield "growing"
     elif worse < old:
         yield "eased" if worse or now.growth else "gone"
     elif was is not None and was.growth and not now.growth and not worse:
         yield "gone"
     if now.step and (was is None or was.step is None or was.step.at_utc < now.step.at_utc):
-        # One before the step that was told is not new: a later one was taken back.
+        # One before the reported step is not new: a later one was taken back.
         yield "step"
 
 
@@ -294,7 +294,7 @@ def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None 
     ``estimate`` with its 95 % interval ``low`` and ``high``, ``unit``, ``limit`` (degraded) and ``emergency``
     are of ``finding``: the suspected fault's indicator, else the friction, else an axis's effectiveness.
 
-    The columns from ``state`` on tell how the actuator stands now, in the row of its last flight; they are
+    The columns from ``state`` on hold the actuator's state now, in the row of its last flight; they are
     empty in the others. ``state`` is the condition over its flights, ``grows`` what certainly grows, and
     ``flights_to_degraded`` and ``flights_to_emergency`` are its remaining useful life after that flight, with
     95 % interval; an empty high end means that it need not reach the limit. ``date_…`` is the expected day.
@@ -333,8 +333,8 @@ def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None 
         }
         rows: list[dict[str, object]] = []
         for row in connection.execute(asked):
-            stands = now.get((row.aircraft, row.vehicle or 0, row.actuator, row.path))
-            rows.append(dict(row._mapping) | (_of_last(stands) if stands else {}))
+            state = now.get((row.aircraft, row.vehicle or 0, row.actuator, row.path))
+            rows.append(dict(row._mapping) | (_of_last(state) if state else {}))
     frame = pd.DataFrame(rows, columns=[*_OF_FLIGHT, *_OF_LAST])
     frame = frame.astype(dict.fromkeys(_NUMBERS, float))
     frame["start_utc"] = pd.to_datetime(frame["start_utc"], unit="us", utc=True)
@@ -345,14 +345,14 @@ def export(store: str | os.PathLike[str], output: str | os.PathLike[str] | None 
     return frame
 
 
-def _of_last(stands: Standing) -> dict[str, object]:
-    growth = stands.growth
-    told: dict[str, object] = {"state": stands.condition, "state_since_utc": stands.since_utc}
+def _of_last(standing: Standing) -> dict[str, object]:
+    growth = standing.growth
+    columns: dict[str, object] = {"state": standing.condition, "state_since_utc": standing.since_utc}
     if growth is None:
-        return told
-    told |= {"grows": growth.quantity, "growth_per_flight": growth.per_flight.estimate}
+        return columns
+    columns |= {"grows": growth.quantity, "growth_per_flight": growth.per_flight.estimate}
     for limit, left in (("degraded", growth.to_degraded), ("emergency", growth.to_emergency)):
         if left is not None:
             values = (left.estimate, left.low, left.high, left.expected_utc)
-            told |= zip((name.format(limit) for name in _LEFT), values, strict=True)
-    return told
+            columns |= zip((name.format(limit) for name in _LEFT), values, strict=True)
+    return columns

@@ -1,4 +1,4 @@
-"""How an actuator stands over its flights: its state, the dates on which it reaches its limits, its steps."""
+"""An actuator's state over its flights: its condition, the dates when it reaches its limits, its steps."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def flights_left(
     left
         Low end, estimate and high end; infinite where there is none.
     flown
-        The flights; the last ones tell how often the aircraft flies.
+        The flights; the last ones show how often the aircraft flies.
     reach
         Flights beyond which a straight line is a guess.
     """
@@ -125,7 +125,7 @@ def step_of(pairs: Pairs, place: int) -> Step:
 
 
 def standing_of(flown: Sequence[Flown], trends: Iterable[ActuatorTrend]) -> Standing:
-    """Return how an actuator stands after its last flight.
+    """Return an actuator's state after its last flight.
 
     Parameters
     ----------

@@ -87,7 +87,7 @@ def standings_over(
     repaired: Since | None = None,
     baselines: BaselineSource | None = None,
 ) -> tuple[Standing, ...]:
-    """Return how each actuator stands over its flights, worst first; arguments as of :func:`trend_report`."""
+    """Return each actuator's state over its flights, worst first; arguments as of :func:`trend_report`."""
     ordered, counted = counting(flights), latest(since, repaired)
     known = baselines or _baselines_in(ordered, counted)
     several = _by_actuator(ordered, since, counted).values()
@@ -104,7 +104,7 @@ def standings_after(
     since: Since | None,
     baselines: BaselineSource | None = None,
 ) -> tuple[Standing, ...]:
-    """Return how each actuator stands over its flights, up to this one.
+    """Return each actuator's state over its flights, up to this one.
 
     Parameters
     ----------
@@ -120,8 +120,8 @@ def standings_after(
     before = [one for one in recent if one.end <= flown.start and one.log != flown.log]
     if not before:
         return ()
-    stand = standings_over([*before, flown], repaired=since, baselines=baselines)
-    return tuple(one for one in stand if one.last_utc == flown.start.isoformat())
+    states = standings_over([*before, flown], repaired=since, baselines=baselines)
+    return tuple(one for one in states if one.last_utc == flown.start.isoformat())
 
 
 def _ranked(standings: Iterable[Standing]) -> tuple[Standing, ...]:

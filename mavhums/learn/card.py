@@ -200,7 +200,7 @@ class WindowCard(Contract):
     features
         Keys of its inputs, statistics of a window, in order.
     classes
-        The conditions that it tells apart, in the order of its probabilities.
+        The conditions that it distinguishes, in the order of its probabilities.
     decides_at
         The least probability with which the most probable condition is a decision; below it abstains.
     conditions

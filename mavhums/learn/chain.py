@@ -124,14 +124,14 @@ class TrainingOptions:
         The quantities, or statistics of windows, to choose from: those that the telemetry tier provides.
     scheme
         Options of the stages.
-    tell
+    report
         Called with a line about each stage when it is done.
     """
 
     seed: int
     keys: tuple[str, ...] = KEYS
     scheme: Scheme = Scheme()
-    tell: Callable[[str], None] = _silent
+    report: Callable[[str], None] = _silent
 
 
 def select_features(
@@ -252,7 +252,7 @@ def run_stages(offered: Vectors, checked: Vectors, options: TrainingOptions) -> 
 
     def report() -> None:
         for line in selection.stage_lines(selection.chosen(chosen))[len(printed) :]:
-            options.tell(line)
+            options.report(line)
             printed.append(line)
 
     report()

@@ -70,7 +70,7 @@ class Model:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The conditions that the network tells apart, in the order of its probabilities."""
+        """The conditions that the network distinguishes, in the order of its probabilities."""
         return self.card.classes
 
     @property

@@ -205,7 +205,7 @@ def _chosen(
     best, hidden = candidates[place], {each.hidden for each in candidates}
     sizes = " to ".join(map(str, sorted({min(hidden), max(hidden)})))
     right = 100 * trained.validation_accuracy
-    options.tell(
+    options.report(
         f"networks: {len(candidates)} of {sizes} tanh neurons; the best with {best.hidden}: "
         f"{right[place]:.2f} % of the {what} held out (median {np.median(right):.2f} %, "
         f"worst {right.min():.2f} %)"
@@ -256,9 +256,9 @@ class LabelledWindows:
     classes
         Index of each window's condition, shape (n,).
     flights
-        Number of each window's flight, shape (n,); flights of the same number are never told apart.
+        Number of each window's flight, shape (n,); flights of the same number are never separated.
     still
-        Number of further windows that show nothing: standing, or a sag that the supply never limits.
+        Number of further windows that show nothing: at rest, or a sag that the supply never limits.
     """
 
     features: Array

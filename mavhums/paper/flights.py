@@ -145,14 +145,14 @@ class Training:
     ----------
     actuator, options, flown
         The actuator's type, the options, and the precedents, if there are any.
-    tell, tick
+    report, tick
         Called with a line about each step, and with nothing after each simulated flight.
     """
 
     actuator: Actuator
     options: ModelOptions
     flown: FlownFlights | None
-    tell: Callable[[str], None]
+    report: Callable[[str], None]
     tick: Callable[[], None]
 
     @property
@@ -162,7 +162,7 @@ class Training:
 
     def stages(self, keys: tuple[str, ...]) -> TrainingOptions:
         """Return how the stages run on the quantities, or statistics, on offer."""
-        return TrainingOptions(self.options.seed, keys, self.options.scheme, self.tell)
+        return TrainingOptions(self.options.seed, keys, self.options.scheme, self.report)
 
     def sources(self, part: int, *, held_out: bool) -> tuple[bool, FlownFlights | None]:
         """Return whether flights of a part are simulated, and the precedents that are in it.

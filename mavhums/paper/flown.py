@@ -32,7 +32,7 @@ _PARTS = 3
 """Flights that a label needs at least, for one of each part."""
 
 TAUGHT: Final[tuple[Label, ...]] = ("normal", "friction_emergency")
-"""The conditions that a network of samples tells apart."""
+"""The conditions that a network of samples distinguishes."""
 
 
 def add_log(

@@ -2,8 +2,8 @@
 
 What a split leaves together decides the figure. Sequences of one run are alike, runs of one load share an
 assembly and a load, and each condition was built once: only the splits that leave runs and loads out say what
-is known of another day. Beside the networks stand trees, as published studies use them, and the indicators of
-strokes, compared with the healthy runs alone.
+is known of another day. Trees, as published studies use them, and the indicators
+of strokes, compared with the healthy runs alone, are beside the networks.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def _answers(
             part = LabelledWindows(features[train], classes[train], groups[train])
             options = TrainingOptions(seed, FEATURES, Scheme(networks=size.networks, vectors=None))
             if split == LOADS and constants == "run" and not lines:
-                options = replace(options, tell=lines.append)
+                options = replace(options, report=lines.append)
             trained = train_windows(part, len(names), options, columns=FEATURES)
             inputs = features[test][:, [FEATURES.index(name) for name in trained.inputs]]
             trees = ExtraTreesClassifier(size.trees, random_state=seed).fit(part.features, part.classes)

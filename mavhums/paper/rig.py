@@ -36,7 +36,7 @@ HEALTHY: Final = "normal"
 
 Constants = Literal["as recorded", "run", "stroke"]
 CONSTANTS: tuple[Constants, ...] = get_args(Constants)
-"""What is taken off the current: nothing; the run's standing current; its median in each stroke."""
+"""What is taken off the current: nothing; the run's current at rest; its median in each stroke."""
 
 _STATISTICS: Final = ("mean", "sd")
 _PARTS: Final = tuple(f"{part} {half}" for part, half in product(("out", "rest", "back"), (1, 2)))

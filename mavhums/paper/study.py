@@ -138,7 +138,7 @@ def find(effort: Effort, *, seed: int, progress: Progress | None = None) -> Find
 def _figure_1(cyclogram: str, effort: Effort, *, seed: int) -> FigureOne:
     values, classes, numbers = samples(fly_condition(cyclogram, TRAINING_NM), effort.every)
     stages: list[str] = []
-    options = TrainingOptions(seed, scheme=Scheme(networks=effort.networks), tell=stages.append)
+    options = TrainingOptions(seed, scheme=Scheme(networks=effort.networks), report=stages.append)
     result = train_network(values, classes, numbers, options)
     tested, truth, _ = samples(fly_condition(cyclogram, TEST_NM))
     right = (result.network.p_emergency(tested) > 0.5) == truth

@@ -100,7 +100,7 @@ def train_model(
     options: ModelOptions | None = None,
     *,
     precedents: PrecedentBase | None = None,
-    tell: Callable[[str], None] | None = None,
+    report: Callable[[str], None] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Network, Card, WindowNetwork | None]:
     """Run the paper's scheme on simulated flights and precedents, and calibrate and measure on other flights.
@@ -132,7 +132,7 @@ def train_model(
         Telemetry, number of flights, seed, scheme, and weight of the precedents.
     precedents
         Labelled flights, as the paper intends. The networks omit quantities that they lack.
-    tell
+    report
         Called with a line about each stage when it is done.
     progress
         Called with the number of flights flown and the total.
@@ -177,12 +177,12 @@ def train_model(
         if progress:
             progress(next(step), steps)
 
-    training = Training(actuator, options, flown, tell or (lambda _: None), tick)
+    training = Training(actuator, options, flown, report or (lambda _: None), tick)
     given, conditions = "", simulated_conditions(actuator, options.flights)
     if flown and precedents:
         given = f" --precedents {precedents.folder.name} --flown-weight {options.flown_weight:g}"
         conditions |= {"precedent_logs": flown.logs.tolist(), "flown_weight": options.flown_weight}
-        training.tell(f"precedents: {flown.counts()}")
+        training.report(f"precedents: {flown.counts()}")
     result, not_offered = _sample_network(training)
     card = result.card(
         name=f"{airframe.name}-{options.tier}",
@@ -208,11 +208,11 @@ def train_model(
     )
     model = Model(result.network, card, "")
     calibration, measured = calibrated(model, labelled(CALIBRATES), labelled(MEASURES), event=event)
-    training.tell(_metrics_text(card.metrics | measured, "precedents" if by_flown else "simulated flights"))
+    training.report(_metrics_text(card.metrics | measured, "precedents" if by_flown else "simulated flights"))
     update: dict[str, object] = {"calibration": calibration, "metrics": card.metrics | measured}
     window = None
     if actuator.ema is None:
-        training.tell(
+        training.report(
             "no network of windows: its statistics need the gear ratio, in [actuators.ema] of the profile"
         )
     else:
@@ -226,9 +226,9 @@ def _sample_network(training: Training) -> tuple[TrainingResult[Network], dict[s
     simulated, flown = training.sources(TRAINS, held_out=False)
     if simulated:
         source = f"{2 * flights} simulated flights"
-        groups.append(training_samples(both_classes(training), keys, source, training.tell))
+        groups.append(training_samples(both_classes(training), keys, source, training.report))
     if flown:
-        groups.append(training_samples(of_precedents(flown, TRAINS), (), "precedents", training.tell))
+        groups.append(training_samples(of_precedents(flown, TRAINS), (), "precedents", training.report))
         # An ESC's telemetry leaves some samples without a sign: what most samples carry is learned from.
         carried = 2 * np.isfinite(groups[-1][0]).sum(axis=0) >= max(len(groups[-1][0]), 1)
         keys = tuple(key for key in keys if carried[column(key)])

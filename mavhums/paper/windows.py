@@ -283,7 +283,7 @@ def train_window_network(training: Training) -> tuple[WindowNetwork, WindowCard]
     network, temperature = at_temperature(network, other.features, other.classes)
     level = decides_at(network, other.features, other.classes, telemetry.goal)
     metrics, confusion = measure(network, _windows_of(training, MEASURES, classes), classes, level)
-    training.tell(
+    training.report(
         f"network of windows, on {'precedents' if _held_out(flown) else 'simulated flights'} not trained on: "
         f"{100 * metrics['decided_right']:.2f} % of the decided windows right, "
         f"{100 * metrics['abstained']:.1f} % abstained"
@@ -335,7 +335,7 @@ def _windows_of(training: Training, part: int, classes: tuple[str, ...]) -> Labe
     joined = (np.concatenate([getattr(each, name) for each in groups]) for name in names)
     windows = LabelledWindows(*joined, still=sum(each.still for each in groups))
     own = np.count_nonzero(windows.flights < 0)
-    training.tell(
+    training.report(
         f"windows that {PURPOSE[part]}: {len(windows) - own} of simulated flights, {own} of precedents"
     )
     if not len(windows):
@@ -372,9 +372,9 @@ def measure(
         "expected_calibration_error": expected_calibration_error(top[whole], right[whole]),
         "brier_score_of_an_emergency": brier_score(found[whole, gravest], truth[whole] == gravest),
     }
-    told = np.where(decided, said, len(classes))
+    answers = np.where(decided, said, len(classes))
     names = (*classes, "abstained")
-    table = confusion_matrix(truth, told, labels=np.arange(len(names)))
+    table = confusion_matrix(truth, answers, labels=np.arange(len(names)))
     confusion = {
         name: {names[k]: int(count) for k, count in enumerate(row) if count}
         for name, row in zip(classes, table, strict=False)

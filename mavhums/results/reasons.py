@@ -33,7 +33,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "no_vehicle": ("no vehicle found in this log", "record the link between vehicle and ground station"),
     "nothing_received": ("nothing was received on {where}", "send the vehicle's telemetry there"),
     "no_frame": ("no MAVLink frame in the {bytes:,} bytes that were received on {where}",
-        "check what sends there, of a serial link its baud rate"),
+        "check the sender and, on a serial link, its baud rate"),
     "no_signed_frame": (
         "no new frame signed with the key in the {bytes:,} bytes that were received on {where}",
         "sign with this key"),
@@ -60,9 +60,9 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     # of an actuator without findings
     "multirotor": ("{who}a multirotor has no control surfaces whose servos could be judged", PROPELLERS_ONLY),
     "propeller_escs": ("its ESC telemetry is that of the propellers", ""),
-    "nothing_of_actuators": ("{who}the log carries nothing of the actuators", "{record}"),
+    "nothing_of_actuators": ("{who}the log contains no data of the actuators", "{record}"),
     "wear_unseen": ("{who}no servo current or speed in the log, so wear cannot be seen", "{record}"),
-    "no_angle": ("without travel_deg in the profile its command is no angle", ""),
+    "no_angle": ("the profile has no travel_deg, so its command is not an angle", ""),
     "no_profile": (_NO_PROFILE, _PROFILE),
     "no_profile_of_esc": (
         f"{_NO_PROFILE}, and an ESC may drive a propeller: only a profile names the one that drives a servo",
@@ -108,9 +108,9 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "the back-EMF shows {percent:.0f} % of the profile's torque constant, so the current does not show "
         "the torque",
         _CHECK),
-    "negative_friction": ("the torque balance comes to a friction of {friction:.3g} N·m, below zero", _CHECK),
+    "negative_friction": ("the torque balance gives a friction of {friction:.3g} N·m, below zero", _CHECK),
     "no_friction": (
-        "the torque balance comes to no friction at all: the current does not follow the motion", _CHECK),
+        "the torque balance gives no friction at all: the current does not follow the motion", _CHECK),
     "load_friction": (
         "its friction of {friction:.2g} N·m may be that of the load: the profile has no load_friction",
         "fill in load_friction of [actuators.ema]"),
@@ -153,12 +153,12 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "steering_unnamed": (
         "{who}: its parameters name no output that steers it (SERVOn_FUNCTION 26)",
         "if an output steers it, set its function, and record the parameters, too"),
-    "never_armed": ("{stood}: it was never armed", _LONGER),
+    "never_armed": ("{still}: it was never armed", _LONGER),
     "no_speed": ("whether it flew forward is not known: the log records no speed",
         "record airspeed or GPS as well"),
     "too_slow": (
-        "{stood}: its highest speed while armed was {fastest} m/s, more than {least:g} are needed", _LONGER),
-    "stopped": ("{stood}: of {fast_s:.3g} s above {least:g} m/s (fastest {fastest} m/s), {rest}", _LONGER),
+        "{still}: its highest speed while armed was {fastest} m/s, more than {least:g} are needed", _LONGER),
+    "stopped": ("{still}: of {fast_s:.3g} s above {least:g} m/s (fastest {fastest} m/s), {rest}", _LONGER),
 
     # of an axis
     "stream_too_slow": ("{streams} times a second, {needed_hz} are needed to judge {axis}", "{record}"),
@@ -168,7 +168,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "outputs_contradicted": ("{why}",
         f"correct these outputs in the profile, draft one from the log's parameters ({_DRAFT}), or leave out "
         "--airframe"),
-    "moved_by_none": ("by its parameters no output of this vehicle moves it in {axis}",
+    "moved_by_none": ("its parameters name no output that moves it in {axis}",
         "if an output moves it in {axis}, name that output in an airframe file: {name}"),
     "moved_by_unknown": ("no output of this vehicle is known to move it in {axis}", _BY_NAME),
     "outputs_unknown": (
@@ -186,10 +186,10 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "{since}a loss of {loss:.0f} % or more is excluded over {decidable} of the {windows} s since the "
         "reference, {normal_s} are needed",
         "choose a longer log, or one with more {manoeuvres}"),
-    "steering_still": ("in no {reference_s} s of two minutes of driving forward its steering moved",
+    "steering_still": ("two minutes of driving contain no {reference_s} s with its steering in motion",
         "drive turns in the first two minutes"),
     "no_reference": (
-        "no {reference_s} s within two minutes were flown within {bank_deg}° of bank, {pitch_deg}° of pitch "
+        "two minutes contain no {reference_s} s within {bank_deg}° of bank, {pitch_deg}° of pitch "
         "and {speeds} % of the usual speed, with the surfaces of {axis} in motion",
         "fly straight legs and gentle turns in the first two minutes"),
     "wind_unknown": (
@@ -227,7 +227,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "the range of its motors' outputs ({motors}PWM_MIN, {motors}PWM_MAX) is not plausible", _PARAMETERS),
     "unjudged_frame": ("{frames} are not judged", "only quad, hexa and octa frames are judged"),
     "leaned": (
-        "it leaned more than {most_deg:.0f}° before any motor stood out, and nothing is judged then",
+        "it leaned more than {most_deg:.0f}° before any motor showed a loss, and nothing is judged then",
         "read the log by hand: a fall, a flip and a fault look alike there"),
     "hover_too_short": ("{judged_s} s of {motion} could be judged, {needed_s:.0f} are needed",
         "choose a log with a hover of a minute or more, from take-off on"),
@@ -235,7 +235,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "{frame}: no motor lost {bound} % or more of its thrust for over 2 s, with 95 % confidence in "
         "{share:.0f} % of the seconds, turns and the last seconds before a landing left out",
         "keep the log: a slower loss shows against later flights only"),
-    "motors_uncertain": ("no motor stands out, but a loss of {loss:.0f} % would not have been certain",
+    "motors_uncertain": ("no motor shows a loss, but one of {loss:.0f} % would not have been certain",
         "choose a calmer flight, or record the outputs at 25 Hz or more"),
 }  # fmt: skip
 

@@ -14,7 +14,7 @@ from mavhums.core.models import Contract
 class OutputUsage(Contract):
     """How far and how often one servo output was commanded.
 
-    ``commanded`` tells whether it ever moved. Shares are of the calibrated range; they are null where neither
+    ``commanded`` is whether it ever moved. Shares are of the calibrated range; they are null where neither
     the log's parameters nor a profile give that range. The times at the stops and the mean count while the
     vehicle is armed, or where its state is unknown. ``bearing_deg`` is the direction of a multirotor's motor,
     clockwise from the nose; it is null for an output that drives none.

@@ -374,10 +374,10 @@ class ForeignBoard(Contract):
 
     def __str__(self) -> str:
         count = len(self.logs)
-        told = f"{count} logs, {self.logs[0]} and others, have" if count > 1 else f"{self.logs[0]} has"
+        which = f"{count} logs, {self.logs[0]} and others, have" if count > 1 else f"{self.logs[0]} has"
         whose = f" of {self.elsewhere}" if self.elsewhere else ""
         others = f"{self.flights} other flight{'s have' if self.flights > 1 else ' has'}"
-        return f"{self.aircraft}: {told} the board {self.board}{whose}, and {others} {self.usual}"
+        return f"{self.aircraft}: {which} the board {self.board}{whose}, and {others} {self.usual}"
 
 
 class StoreGrowth(Contract):

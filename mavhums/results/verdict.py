@@ -42,10 +42,10 @@ MEASURED: Final[Mapping[str, str]] = {
 """Sources of an axis, beside the outputs' (V1), in the fields ``provenance``."""
 
 ALL = "all"
-"""Stands for the actuator where a verdict is on all of a vehicle's."""
+"""Name in place of the actuator's where a verdict is on all of a vehicle."""
 
 MOTORS = "motors"
-"""Stands for the motor where a verdict is on all of a vehicle's."""
+"""Name in place of the motor's where a verdict is on all of a vehicle."""
 
 
 class Suspect(Contract):
@@ -224,7 +224,7 @@ class OwnRecord(Contract):
 class Verdict(Contract):
     """Verdict on one actuator, one axis of the aircraft, or one motor of a multirotor.
 
-    ``subject`` tells which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
+    ``subject`` says which; ``actuator`` is its name, for an axis ``roll``, ``pitch`` or ``yaw``, and
     ``surfaces`` are those that move it; for a motor ``motor 1`` and so on, in the autopilot's order.
     ``effectiveness`` is the share of its reference, or of its thrust, that it keeps now,
     and ``limits`` are those by which it was judged; ``highest_evidence`` is how near an axis came to an alarm

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 _WAITING: Final = 200
 
 
-def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
+def serve(options: ServeOptions, report: Callable[[str], object]) -> None:
     """Serve the page until a signal ends it.
 
     Parameters
     ----------
     options
         Address, limits, store and live files.
-    tell
+    report
         Called with each line for the user: the address, who can reach it, and the token.
 
     Raises
@@ -60,7 +60,7 @@ def serve(options: ServeOptions, tell: Callable[[str], object]) -> None:
         application = _application(options, sessions, workers)
         guard = Guard(application, options.host, token, f"mavhums-{port}", public=options.public)
         for line in _greeting(options, port, token):
-            tell(line)
+            report(line)
         config = uvicorn.Config(
             guard,
             log_level="error",

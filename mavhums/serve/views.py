@@ -142,12 +142,12 @@ def trends_shown(report: TrendReport, starts: Iterable[str]) -> list[ActuatorVie
     several = len({one.vehicle for one in report.trends}) > 1
     found: dict[str, list[TrendView]] = {}
     marks: dict[str, Mark] = {}
-    stands = {(one.vehicle, one.actuator): one for one in report.standings}
+    states = {(one.vehicle, one.actuator): one for one in report.standings}
     for one in report.trends:
         shown = trend_shown(one, f"{one.vehicle}: " if several else "", report.repairs)
         shown.chart["links"] = [*map(places.get, one.points.start_utc)]
         found.setdefault(shown.actuator, []).append(shown)
-        standing = stands.get((one.vehicle, one.actuator))
+        standing = states.get((one.vehicle, one.actuator))
         marks[shown.actuator] = mark_of(standing) if standing else Mark(one.condition)
     several_shown = []
     for name, trends in found.items():
@@ -161,7 +161,7 @@ def trends_shown(report: TrendReport, starts: Iterable[str]) -> list[ActuatorVie
 
 
 def _curves(trends: Iterable[TrendView]) -> Markup:
-    """Return trends as JSON that can stand in an attribute."""
+    """Return trends as JSON for an attribute."""
     return escape(json.dumps({"charts": [one.chart for one in trends]}))
 
 

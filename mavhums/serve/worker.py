@@ -61,8 +61,8 @@ def _answer(job: Job, progress: Callable[[int], None]) -> Job:
         return {"recorded": True}
     assessment = judged.assessment
     if "assessment" in job:
-        told = assessment.log.model_copy(update={"path": log.name})  # its folder is of no use to anybody
-        text = assessment.model_copy(update={"log": told}).to_json()
+        log_file = assessment.log.model_copy(update={"path": log.name})  # its folder is of no use to anybody
+        text = assessment.model_copy(update={"log": log_file}).to_json()
         Path(job["assessment"]).write_text(text, encoding="utf-8", errors="replace")
     return {"brief": headline(assessment)._asdict()}
 

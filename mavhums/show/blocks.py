@@ -45,7 +45,7 @@ class Column(NamedTuple):
     Attributes
     ----------
     kind
-        A text may wrap, a word and a figure may not; figures stand on the right.
+        A text may wrap, a word and a figure may not; figures are on the right.
     rank
         Where there is no room for all columns, those of the highest rank go first; one of rank 0 stays.
     """

@@ -28,7 +28,7 @@ class Limit(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The word that stands beside the curve, where there is room for one."""
+        """The word beside the curve, where there is room for one."""
         return self.name.split()[0]
 
 
@@ -38,7 +38,7 @@ class CaptionedCurve(NamedTuple):
     Attributes
     ----------
     vehicle
-        Whose flight modes stand below it.
+        The vehicle whose flight modes are below it.
     caption
         What the curve shows, for who does not see it.
     since_s

@@ -62,7 +62,7 @@ def headline(assessment: Assessment) -> Headline:
 
 
 def over_flights(assessment: Assessment) -> Iterator[str]:
-    """Yield what stands, grows or changed over the flights, where there is a history."""
+    """Yield the findings, the growth and the steps over the flights, where there is a history."""
     for standing in assessment.standings:
         for said in sentences(standing):
             yield f"{name(standing, assessment)}: {said}"

@@ -65,7 +65,7 @@ class Plot(NamedTuple):
     limits
         Levels: their place and name.
     labels
-        Where the names stand: beside the curve, and apart from one another.
+        Where the names are: beside the curve, and apart from one another.
     since
         Place of the onset; None without one.
     reference
@@ -223,7 +223,7 @@ def flight_charts(shown: Iterable[CaptionedCurve], duration_s: float) -> Chart:
 
 
 def chart(curve: Curve, limits: Sequence[Limit], title: str, caption: str, *, whole: bool = False) -> Chart:
-    """Return a curve as columns; a row of nulls stands where nothing is known.
+    """Return a curve as columns; a row of nulls is where nothing is known.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Recorder:
     path
         The recording to write, an older one is replaced; None for the standard output, where a viewer reads.
     recording_id
-        What tells this flight from others; the same flight keeps the same.
+        Id of this flight among others; the same flight keeps the same.
     position
         Whether the recording may contain the aircraft's position.
 

@@ -1,4 +1,4 @@
-"""What is said of how actuators stand over their flights, and of what changed in a fleet."""
+"""Sentences on the states of actuators over their flights, and on what changed in a fleet."""
 
 from __future__ import annotations
 

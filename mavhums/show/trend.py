@@ -1,4 +1,4 @@
-"""What is said over flights: how an actuator stands, its trend with curves, what changed in a fleet."""
+"""Reports over flights: an actuator's state, its trend with curves, what changed in a fleet."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ class VehicleEvents:
         for change in np.flatnonzero(np.isfinite(armed[:-1]) & (np.diff(armed) != 0)).tolist():
             self.add("armed" if armed[change + 1] else "disarmed", first + known[change] / RATE_HZ)
         self._armed = float(armed[-1])
-        self._on_ground |= bool(_stands(seconds)[: int(_AT_ONCE_S)].any()) and first == self._first_s
+        self._on_ground |= bool(_is_grounded(seconds)[: int(_AT_ONCE_S)].any()) and first == self._first_s
         phases = self._phases.feed(seconds, rotors)
         self._look_for_sinking(seconds, phases.airborne[::RATE_HZ])
         for event in phases.events:
@@ -177,7 +177,7 @@ class VehicleEvents:
         Parameters
         ----------
         rotors
-            Whether it is carried by rotors alone: only of these a contact is told from ordinary flight.
+            Whether it is carried by rotors alone: only for these a contact differs from ordinary flight.
         """
         found = [event for kept in self._kept.values() for event in kept]
         found += [self._event(kind, time_s, **about) for kind, time_s, about in self.reported.faults()]
@@ -226,7 +226,7 @@ class VehicleEvents:
         return True
 
 
-def _stands(seconds: Seconds) -> Array:
+def _is_grounded(seconds: Seconds) -> Array:
     """Return in which seconds the vehicle itself reports that it is disarmed or on the ground, shape (k,)."""
     disarmed = seconds.signals["state"][:, :, 2] == 0.0
     landed = seconds.signals["landed"][:, :, 0] == ON_GROUND

@@ -29,10 +29,10 @@ _VTOL: Final = range(19, 26)
 _VTOL_FORWARD: Final = 4  # MAV_VTOL_STATE_FW
 _UNLED_MODES: Final = (0, 2, 3, 4, 16)  # in these, ArduPlane does not control the attitude
 LEAST_DRIVEN: Final = 0.5
-"""Speed of a rover or a boat that drives forward, m/s. Lower lets the noise of a receiver that stands in."""
+"""Speed of a rover or a boat that drives forward, m/s. Lower lets the noise of a receiver at rest in."""
 
 _LEAST_GROUND_SPEED_M_S: Final = 5.0
-"""A wind of 8 m/s looks like forward flight to the pitot tube of an aircraft that stands. Higher loses flight
+"""A wind of 8 m/s looks like forward flight to the pitot tube of an aircraft at rest. Higher loses flight
 against the wind."""
 _AIRBORNE_S: Final = 3
 """Seconds without a break before forward flight counts: fewer let gusts on the ground in."""

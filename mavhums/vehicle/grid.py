@@ -93,7 +93,7 @@ class _Samples(NamedTuple):
     def between(self, at: Array, second: Array, *, turns: bool = False) -> Array:
         """Interpolate; return NaN where the samples on both sides are more than a gap apart.
 
-        ``turns`` tells that the values are angles, which are interpolated the shorter way round.
+        ``turns`` says that the values are angles, which are interpolated the shorter way round.
         """
         out = np.full((at.size, self.values.shape[1]), np.nan)
         inside, right = self.around(at, second)

@@ -1,9 +1,9 @@
 """Where a vehicle is: on the ground, in the air, in level flight, in contact with something.
 
-No single signal shows it. A copter that stands runs its motors, a land detector of a manual mode says "in the
+No single signal shows it. A copter at rest runs its motors, a land detector of a manual mode says "in the
 air" as soon as the pilot gives throttle, a barometer moves in the wash of propellers, and many logs lack
 altitude or arming. So each signal adds to one sum, second by second, as much as it can be trusted: log odds
-of flight against standing, bounded, so that later evidence can turn it. No state is kept but sums, and a
+of flight against rest, bounded, so that later evidence can turn it. No state is kept but sums, and a
 second is decided by what came up to its end: the result depends neither on blocks nor on what follows.
 """
 
@@ -29,22 +29,22 @@ _DISARMED: Final = -8.0  # motors that are off carry nothing
 _REPORTED: Final = {float(ON_GROUND): -4.0, float(IN_AIR): 1.0}
 """Of the landed state. Manual modes of ArduPilot report flight as soon as there is throttle."""
 _HEIGHT_M, _CLIMB_M_S, _SPEED_M_S = 0.3, 0.2, 2.5
-"""Noise of what a vehicle that stands measures: height in the wash of its propellers, vertical speed of GPS,
+"""Noise of what a vehicle at rest measures: height in the wash of its propellers, vertical speed of GPS,
 speed over ground. Twice as much is no evidence, three times is some."""
 _NOTHING, _SURE = 2.0, 3.0
 _CARRIES: Final = (-3.0, 2.0, 2.0, 2.0)
 _MAY_CARRY: Final = (-3.0, 1.0, 1.0, 3.0)
 """Of outputs at these shares of its own hover, and of the least usual one before its own is known: what would
 carry some vehicles is less than any other evidence, twice as much as most need is some."""
-_STANDS, _FLIES, _LIFTS = 0.3, 0.7, 1.5
+_RESTS, _FLIES, _LIFTS = 0.3, 0.7, 1.5
 _USUAL_HOVER: Final = 0.12
 """Share of full thrust: the least of usual copters, before the own hover is known."""
 _LEAST, _MOST, _TAKES_OFF, _LANDS = -3.0, 3.0, 1.0, 0.0
 """Bounds of the sum, and where the state turns."""
 
 _HIGH_M, _FAST_M_S, _CARRIED_S = 5.0, 5.0, 10
-"""A flight that was as high, as fast or carried by its motors for as many seconds is certain: vehicles that
-stand, with a drifting barometer, show 2 m for 20 s."""
+"""A flight that was as high, as fast or carried by its motors for as many seconds is certain: vehicles at
+rest, with a drifting barometer, show 2 m for 20 s."""
 
 STOPS_S: Final = 4
 """Seconds in which a wing that lands rolls or slides: in 45 landings it sank by 2.7 m at most in them."""
@@ -217,22 +217,22 @@ class Phases:
         height = abs(self._altitude_m - self._ground_m)
         known = self._hovered > 0
         share = asked / self._hover
-        # What only flies forward and does not move stands, also where it landed higher than it took off.
-        stands = bool(measured.still_wing[k])
+        # What only flies forward and does not move is at rest, also where it landed higher than it took off.
+        at_rest = bool(measured.still_wing[k])
         found = [
             _DISARMED if measured.armed[k] == 0.0 else np.nan,
             _REPORTED.get(float(measured.landed[k]), np.nan),
-            np.nan if stands else _beyond(height, _HEIGHT_M),
+            np.nan if at_rest else _beyond(height, _HEIGHT_M),
             max(_beyond(climb, _CLIMB_M_S), 0.0),
-            max(_beyond(float(measured.speed[k]), _SPEED_M_S), -_NOTHING if stands else 0.0),
-            np.interp(share, (_STANDS, _FLIES, _LIFTS, 2 * _LIFTS), _CARRIES if known else _MAY_CARRY),
+            max(_beyond(float(measured.speed[k]), _SPEED_M_S), -_NOTHING if at_rest else 0.0),
+            np.interp(share, (_RESTS, _FLIES, _LIFTS, 2 * _LIFTS), _CARRIES if known else _MAY_CARRY),
         ]
         before = self._odds
         self._odds = float(np.clip(before + np.nansum(found), _LEAST, _MOST))
         towards = self._odds < before if self.airborne else self._odds > before
         self._since_s = (self._since_s if self._since_s is not None else second) if towards else None
         # Outputs that could carry it freeze the ground: a slow lift-off would take it along.
-        if not self.airborne and np.isfinite(self._altitude_m) and not share > _STANDS:
+        if not self.airborne and np.isfinite(self._altitude_m) and not share > _RESTS:
             off = self._altitude_m - self._ground_m
             self._ground_m = self._ground_m + _GROUND_SHARE * off if np.isfinite(off) else self._altitude_m
         turned = self._odds <= _LANDS if self.airborne else self._odds >= _TAKES_OFF
@@ -248,7 +248,7 @@ class Phases:
             self._rates, self._pressed = np.full((1, 3), np.nan), 0
         self._next = start + len(seconds.index)
         rates = seconds.signals["rates"].reshape(-1, 3)
-        # The change of the attitude is smooth: it shows no knock, and where it stands in there is a step.
+        # The change of the attitude is smooth: it shows no knock, and where it replaces them there is a step.
         derived = np.repeat(seconds.ranks["rates"] == DERIVED, RATE_HZ)
         rates = np.where(derived[:, None], np.nan, rates)
         turned = np.abs(np.diff(rates, axis=0, prepend=self._rates))

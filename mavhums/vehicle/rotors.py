@@ -168,7 +168,7 @@ def mean_thrust(thrusts: Array, mixer: Array) -> Array:
     mixer
         What the mixer was asked for: roll, pitch, yaw and thrust, shape (n, 4), NaN where unknown.
     """
-    # The outputs of a copter that stands wind up without throttle: what is asked for does not.
+    # The outputs of a copter at rest wind up without throttle: what is asked for does not.
     sent, asked = thrusts.mean(axis=1), mixer[:, 3]
     return np.where(asked < _WOUND_UP * sent, asked, sent)
 

@@ -32,7 +32,7 @@ _PX4_STEERING: Final = 201  # PWM_MAIN_FUNCn: the first servo
 _WHEELS: Final = ("left throttle", "right throttle")
 _MIXED: Final = ("elevon", "tail")
 _FROZEN_S: Final = 1.0
-"""An output that stands for as long while others of its surface move is stuck: in flight all of them move."""
+"""An output that rests for as long while others of its surface move is stuck: in flight all of them move."""
 ALIKE_US: Final = 3.0
 """Outputs with the same demand differ by less: they are whole microseconds, and so are their trims."""
 
@@ -114,7 +114,7 @@ class Surfaces:
 
     @property
     def mixed(self) -> Mapping[str, str]:
-        """Of axes that two mixed surfaces move, the other axis, where it tells the two surfaces apart.
+        """Of axes that two mixed surfaces move, the other axis, where it distinguishes the two surfaces.
 
         What a demand in pitch does to the side force of a V-tail depends on how the aircraft then slips.
         """
@@ -308,12 +308,12 @@ class Demands:
         rows = self._row + np.arange(len(share))[:, None]
         changed = np.where(np.isfinite(steps) & (steps != 0.0), rows, 0)
         changed = np.maximum.accumulate(np.maximum(changed, self._changed[name]), axis=0)
-        stands = changed.max(axis=1, keepdims=True) - changed >= _FROZEN_S * RATE_HZ
+        stuck = changed.max(axis=1, keepdims=True) - changed >= _FROZEN_S * RATE_HZ
         self._before[name], self._changed[name] = share[-1], changed[-1]
-        # With one output, or a mixed one, nothing tells a stuck output from one that is held.
+        # With one output, or a mixed one, nothing distinguishes a stuck output from one that is held.
         if "elevon" in name or "tail" in name or len(group) == 1:
-            stands[:] = False
-        share = np.where(stands, np.nan, share)
+            stuck[:] = False
+        share = np.where(stuck, np.nan, share)
         demand = _median(share)
         if self._inferred:
             apart = np.nan_to_num(np.abs(share - demand[:, None]) * np.abs(half)).max(axis=1) > ALIKE_US

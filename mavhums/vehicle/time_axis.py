@@ -22,19 +22,19 @@ USEC: Final = 1
 SOUND: Final = 0
 LOOSE: Final = 1
 BROKEN: Final = 2
-"""What a time is worth: exact, wrong by more than a detector stands, or none."""
+"""What a time is worth: exact, wrong by more than a detector tolerates, or none."""
 
 _BREAK_US: Final = 30_000_000  # more than any latency but an outage: a stamp as far off is no delay
 _CONFIRM: Final = 3  # stamps in a row: one or two are damage
 _LAP_US: Final = 2**32  # 32 bits of microseconds, as the servo outputs' stamp has, start anew after 71.6 min
-_NEIGHBOURS_US: Final = 100_000  # stamps of both counters received within this time tell their offset
+_NEIGHBOURS_US: Final = 100_000  # stamps of both counters received within this time give their offset
 _OPENING_US: Final = 6_000_000  # before, types with a great latency have not yet been heard
-_PERIOD_US: Final = 500_000  # in which every type that tells is heard, however often others come
+_PERIOD_US: Final = 500_000  # in which every type with a stamp is heard, however often others come
 _LEAST_PERIODS: Final = 10  # 5 s; the median of fewer moves with single delays
 _MOST_PERIODS: Final = 30  # 15 s: bounds the search for an offset and its memory
 _OFFSET_US: Final = 300_000  # types of message differ by tens of ms on real links, two counters by 2.5 s
 _SCATTER_US: Final = 600_000  # 10–90 %: an offset is constant, latencies are not
-_SPREAD_US: Final = 500_000  # what a comparison of a demand with its answer stands
+_SPREAD_US: Final = 500_000  # what a comparison of a demand with its answer tolerates
 _FORGET_US: Final = 10_000_000.0  # time constant with which a greater spread is forgotten
 
 _SENDERS: Final = 16  # components with clocks of their own; only a forger has more, and each costs memory

@@ -1,4 +1,4 @@
-"""What a whole log tells of use, counted in constant memory: outputs, named values."""
+"""What a whole log records of use, counted in constant memory: outputs, named values."""
 
 from __future__ import annotations
 

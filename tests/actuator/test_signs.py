@@ -55,7 +55,7 @@ def flight(
 
 def winding(deriver: Deriver) -> tuple[float, float]:
     """Return the resistance, Ω, and the deviation of |U| − R·|I|, V, that standstill shows so far."""
-    resistance, variance = _winding(deriver._standing, EMA.resistance)
+    resistance, variance = _winding(deriver._at_rest, EMA.resistance)
     return resistance, variance**0.5
 
 

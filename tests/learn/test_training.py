@@ -145,7 +145,7 @@ def test_the_network_of_the_least_loss_held_out_is_chosen(
 def test_each_stage_is_told_and_what_is_told_is_on_the_card(flights: Flights) -> None:
     said: list[str] = []
     scheme = Scheme(vectors=100, networks=3, hidden=(2,))
-    options = TrainingOptions(0, scheme=scheme, tell=said.append)
+    options = TrainingOptions(0, scheme=scheme, report=said.append)
     result = train_network(*flights(0.2, 0.25, 0.9, 1.0), options)
     stages = [line.split(":")[0] for line in said if not line.startswith(" ")]
     assert stages == ["chi-square", "filter", "thinning", "wrapper", "networks"]

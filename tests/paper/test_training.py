@@ -121,7 +121,7 @@ def test_a_model_for_less_is_trained_calibrated_and_repeatable(
     network, card, window = train_model(
         AIRFRAME,
         ModelOptions(tier, flights=2, scheme=Scheme(networks=2, vectors=300)),
-        tell=said.append,
+        report=said.append,
         progress=lambda *step: seen.append(step),
     )
     assert seen == [(k, 36) for k in range(1, 37)]
@@ -164,7 +164,7 @@ def test_a_model_that_never_votes_is_not_calibrated(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("mavhums.paper.samples.check_command", lambda *_: CommandLeak(1.0, 0.001, True))
     said: list[str] = []
     options = ModelOptions(flights=1, scheme=Scheme(networks=1, vectors=100))
-    _, card, _ = train_model(AIRFRAME, options, tell=said.append)
+    _, card, _ = train_model(AIRFRAME, options, report=said.append)
     assert not {"V1", "V2"} & card.selection.chi_square.keys()
     assert card.conditions["not_offered"] == dict.fromkeys(
         ("V1", "V2"), "its distribution differs between the classes"

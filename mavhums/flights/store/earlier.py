@@ -32,7 +32,7 @@ from mavhums.results.sections import CLOCKS_APART_S, FlightIdentity
 from mavhums.results.verdict import Indicator, OwnRecord, Verdict
 
 RECENT_FLIGHTS: Final = 200
-"""Flights that tell how an aircraft stands; a year of flights."""
+"""Flights that show an aircraft's state; a year of flights."""
 
 # Twice, because a recording may be as far from the one before it as that one is from the first.
 _NEAR_US: Final = round(2e6 * CLOCKS_APART_S)
@@ -219,7 +219,7 @@ class StoredFlights:
         return latest(self._since(moment), self._given(moment))
 
     def recent(self) -> list[PastFlight]:
-        """Return the flights that tell how the aircraft stands, with their indicators."""
+        """Return the flights that show the aircraft's state, with their indicators."""
         return self.latest(RECENT_FLIGHTS, shown=True)
 
     def latest(self, most: int | None, *, shown: bool = False) -> list[PastFlight]:

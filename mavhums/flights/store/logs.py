@@ -106,10 +106,10 @@ def add_logs(connection: Connection, rows: Sequence[Row]) -> tuple[int, int]:
         file = and_(LOG.c.path == row.path, LOG.c.size == row.size, LOG.c.time_ns == row.time_ns)
         failure = and_(LOG.c.path == row.path, LOG.c.flight_id.is_(None))
         connection.execute(delete(LOG).where(or_(file, failure)))
-        told = {
+        columns = {
             name: getattr(row, name) for name in ("path", "size", "time_ns", "settings", "problem", "remedy")
         }
-        new = insert(LOG).values(**told, flight_id=flight_id, scanned_us=now_us(), removed=removed)
+        new = insert(LOG).values(**columns, flight_id=flight_id, scanned_us=now_us(), removed=removed)
         connection.execute(new)
     return judged, failed
 

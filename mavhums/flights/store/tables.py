@@ -205,7 +205,7 @@ STANDING: Final = Table(
 REPAIR: Final = Table(
     "repair", METADATA, _id(), _of("aircraft"), _text("actuator"), _whole("since_us", nullable=False)
 )
-"""NULL stands for every aircraft, or every actuator."""
+"""NULL means every aircraft, or every actuator."""
 
 JOURNAL: Final = Table(
     "journal",

@@ -70,7 +70,7 @@ _INSERTING: Final = {table.name: insert(table) for table in (VERDICT, INDICATOR,
 
 
 def make_verdicts(connection: Connection, touched: Collection[int] = ()) -> None:
-    """Make all verdicts that are due, and keep how their aircraft stand; others that were touched, too."""
+    """Make all verdicts that are due, and keep their aircraft's states; others that were touched, too."""
     due = connection.scalars(
         select(FLIGHT.c.aircraft_id).where(FLIGHT.c.due, FLIGHT.c.aircraft_id.is_not(None))
     )
@@ -129,8 +129,8 @@ def _judge(connection: Connection, aircraft: int, name: str) -> None:
     recent = earlier.recent()
     end = recent[-1].end if recent else time_of(0)
     swapped, repaired = installed(connection, aircraft).since(name, end), earlier.since(end)
-    stands = standings_over(recent, since=swapped, repaired=repaired, baselines=earlier.baselines)
-    found = STANDINGS.dump_json(stands).decode()
+    states = standings_over(recent, since=swapped, repaired=repaired, baselines=earlier.baselines)
+    found = STANDINGS.dump_json(states).decode()
     connection.execute(insert(STANDING).values(aircraft_id=aircraft, stored_us=now_us(), standings=found))
 
 

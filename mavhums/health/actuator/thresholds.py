@@ -19,19 +19,19 @@ CONTRADICTED_CONSTANT_SHARE: Final = 0.5
 
 # What a flight's balance leaves out, as a share of the normal limit: play, wind-up and stick-slip, or the
 # sensor's own error of the supply. A friction below it is none: no gear turns with less, so the current
-# stands still. By hand.
+# does not change. By hand.
 MODEL_ERROR_LIMIT_SHARE: Final = 0.02
 
-# A shaft that travels less of its error within a second stands, which is for the detector of jams. By
+# A shaft that travels less of its error within a second is at rest, which is for the detector of jams. By
 # hand.
-FOLLOWING_STANDS_SHARE: Final = 0.1
+FOLLOWING_REST_SHARE: Final = 0.1
 
 # Times the limit that must be asked in a second to show that a shaft follows; less shows no fault and ends
 # none. With it healthy individuals reach 0.8° (docs/method/verdicts.md).
 FOLLOWING_ASKED_LIMITS: Final = 5.0
 
 # Share of the commanded travel that a jam leaves out, and share of the current at stall that a jammed shaft
-# takes while it stands: of healthy actuators at most 0.15 and 0.3, with 1.0 to 1.5 N·m of friction 0.4 and
+# takes at rest: of healthy actuators at most 0.15 and 0.3, with 1.0 to 1.5 N·m of friction 0.4 and
 # 0.66 (docs/method/verdicts.md).
 JAM_SHARE: Final = 0.8
 
@@ -42,7 +42,7 @@ JAM_COMMAND_DEG: Final = 4.0
 # Parts of a slot by which a jam is sought: more find shorter ones, and the parts hold fewer samples. By hand.
 JAM_PARTS_PER_SLOT: Final = 4
 
-# Share of a standing shaft's current that its latest motion took if the load brought it to a stand: 0.8–0.9
+# Share of the current at rest that the shaft's latest motion took if the load stopped the shaft: 0.8–0.9
 # of a real one too weak for its pendulum (benchmarks/real_actuators.py, weak). Lower misses jams. By hand.
 LABOURED_SHARE: Final = 0.5
 

@@ -149,7 +149,7 @@ class LossTest:
             self._learn(np.exp(health - np.logaddexp.reduce(health, axis=None)))
         best = float(ratios.max())
         back = float(hypotheses[self._test.likeliest]) - perfect
-        # What tells the hypotheses apart stays.
+        # The differences between the hypotheses stay.
         alarm = self._test.feed(end_s, ratios + _bounded(best) - best, _bounded(back))
         self.highest = max(self.highest, self._test.evidence)
         return alarm

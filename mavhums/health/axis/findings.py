@@ -2,7 +2,7 @@
 
 Mixed surfaces are elevons or a V-tail. One that keeps 1 − λ of its effect takes λ/2 of the gain about each of
 its axes, and lets the demand about one axis move the aircraft about the other. The left surface moves with
-the sum of both demands, the right one with their difference: the sign of this coupling tells them apart.
+the sum of both demands, the right one with their difference: the sign of this coupling distinguishes them.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def origins(faulty: Mapping[str, Sequence[Evidence]], mixed: Collection[str]) ->
         # the rudder is measured against.
         if {first, axis} <= set(mixed) or (first, axis) == ("roll", "yaw"):
             return True
-        # A surface that stands deflected upsets every axis; one that lost its effect upsets an attitude at
+        # A surface that stays deflected upsets every axis; one that lost its effect upsets an attitude at
         # most, and leaves the gain of the others.
         return bool(kinds[first] & _ASTRAY) or kinds[axis] <= _ASTRAY
 

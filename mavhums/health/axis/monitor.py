@@ -217,7 +217,7 @@ class AxisMonitor:
         return "normal" if took_off else "unchanged"
 
     def _may_hold_fault(self, axis: str) -> bool:
-        """Return whether the reference ends while a fault stands: it shows neither its size nor its end."""
+        """Return whether the reference ends during a fault: it shows neither its size nor its end."""
         state, reference = self._axes[axis], self._gains[axis].reference
         if SEVERITY[state.condition] <= SEVERITY["normal"] or state.since_s is None:
             return False

@@ -166,7 +166,7 @@ class Form:
         return True
 
     def kept(self, beta: Array, speed: float) -> dict[str, float]:
-        """Return what the coefficients tell of the aircraft beside the gain, by the fault that changes it."""
+        """Return what the coefficients show of the aircraft beside the gain, by the fault that changes it."""
         return {}
 
 

@@ -190,7 +190,7 @@ def _follows(rows: Rows) -> Flags:
 class RollTracking:
     """``φ − (demanded φ through a second order of 2.5 rad/s)``, with a learned offset.
 
-    A reversal of 110° takes an aircraft seconds, and a calm beginning does not tell how many: it may follow
+    A reversal of 110° takes an aircraft seconds, and a calm beginning does not show how many: it may follow
     at 45°/s as well.
     """
 

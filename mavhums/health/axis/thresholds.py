@@ -146,7 +146,7 @@ LEAST_SPEED_SHARE: Final = 0.85
 # Steeper climbs and dives are left out, °, as above. By hand.
 MOST_PITCH_DEG: Final = 34
 
-# Rows that are averaged, 0.4 s: noise of rates falls, delays of 0.05 s can still be told. Development.
+# Rows that are averaged, 0.4 s: noise of rates falls, delays of 0.05 s still show. Development.
 MEAN_ROWS: Final = 8
 
 # Least deviation of the tracking, rad: a calm beginning does not promise a calm flight. Development.
@@ -163,7 +163,7 @@ OFFSET_SPREAD_RAD: Final = 0.1
 RESPONSE_RAD_S: Final = 2.5
 
 # Rate at which a large reversal of the bank may be followed, °/s: it takes seconds, and a calm beginning
-# does not tell how many. Development.
+# does not show how many. Development.
 FASTEST_ROLL_DEG_S: Final = 45
 
 # Least rate at which a working elevator raises the nose after a stall, °/s. By hand: a load factor of 1.2 at

@@ -200,7 +200,7 @@ def _moving(actuator: Actuator, slots: Slots, moved: Motion) -> Array:
     carried = 2 * has >= slots.sums(seen[:, None].astype(np.float64))
     own = np.repeat(carried, slots.count(), axis=0)
     counts = seen & (finite | ~own).all(axis=1)
-    # Products of a quantity that the slot lacks are NaN below, whatever stands here.
+    # Products of a quantity that the slot lacks are NaN below, whatever is here.
     used = np.where(counts[:, None] & finite, moments, 0.0)
     sums = slots.sums(products(used))
     return np.where(products(np.where(carried, 1.0, np.nan)) == 1.0, sums, np.nan)

@@ -134,10 +134,10 @@ class Strokes:
 
     def _stroke(self, part: slice, rate: Array) -> Stroke | None:
         mean = float(rate.mean())
-        standing = bool(np.abs(rate).max() < STROKE_SPEED_SHARE * MOVING_ANGLE_DEG_S)
+        at_rest = bool(np.abs(rate).max() < STROKE_SPEED_SHARE * MOVING_ANGLE_DEG_S)
         steady = float(np.ptp(rate)) <= STROKE_SPEED_SHARE * abs(mean) and abs(mean) > MOVING_ANGLE_DEG_S
         time_s = self._time_s[part]
-        if not (standing or steady) or time_s[-1] - time_s[0] > LONGEST_STROKE_S:
+        if not (at_rest or steady) or time_s[-1] - time_s[0] > LONGEST_STROKE_S:
             return None
         inner = (time_s >= time_s[0] + STROKE_BEGIN_S) & (time_s <= time_s[-1] - STROKE_SPAN_S)
         if inner.sum() < LEAST_SAMPLES:
@@ -145,7 +145,7 @@ class Strokes:
         command, angle, current = self._values[part].T
         steady_s, error = time_s[inner], (command - angle)[inner]
         return Stroke(
-            way=0.0 if standing else float(np.sign(mean)),
+            way=0.0 if at_rest else float(np.sign(mean)),
             rough=_rough(steady_s, error),
             ripple=_rough(steady_s, current[inner]),
             current=float(np.median(current[inner])),

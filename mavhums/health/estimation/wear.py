@@ -35,7 +35,7 @@ class Nuisances:
     free
         Free columns: the load's, if the airspeed is not known.
     load
-        Load at which the wear is told, in the unit of the left side: the median of the flights.
+        Load to which the wear refers, in the unit of the left side: the median of the flights.
     """
 
     held: dict[int, float]

@@ -162,7 +162,7 @@ def follow(
 ) -> None:
     """Take rows, shape (n, …); write what they show to ``found``, shape (n, COLUMNS …), 0 where nothing.
 
-    ``upright`` is the cosine of the bank, ``hover`` the mean thrust of a hover, ``grounded`` tells where
+    ``upright`` is the cosine of the bank, ``hover`` the mean thrust of a hover, ``grounded`` is true where
     it is not in free flight, ``spacing`` how many rows an output lasts.
     """
     motors = columns.shape[0]

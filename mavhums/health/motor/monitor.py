@@ -288,7 +288,7 @@ class MotorMonitor:
         )
 
     def _alarm(self, row_s: float, spacing_s: float, found: Array) -> Iterator[ConditionChanged]:
-        """Take a row at which a motor stands out."""
+        """Take a row at which a motor shows a loss."""
         motor, onset_s = int(found[0]), max(row_s - found[1] / RATE_HZ, 0.0)
         # A row lies between two samples: it is known when the later one has come.
         time_s = row_s + min(spacing_s, 1.0)
@@ -328,7 +328,7 @@ class MotorMonitor:
         )
 
     def _doubted(self, loss: ThrustLoss, time_s: float) -> ConditionChanged:
-        """Return the change where another motor stands out, too: what was found stays, the motor is open."""
+        """Return the change where another motor shows a loss, too: the finding stays, the motor is open."""
         before, self._reported = self._reported, "emergency"
         return ConditionChanged(
             self._vehicle,

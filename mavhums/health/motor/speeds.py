@@ -85,7 +85,7 @@ class EscSpeeds:
         found = np.full(len(escs), np.nan)
         for k, esc in enumerate(escs):
             total, samples, changes = self._bins.get(esc, {}).get(one, (0.0, 0.0, 0.0))
-            # A motor that runs never turns twice alike; one that stands does.
+            # A motor that runs never turns twice alike; one at rest does.
             if samples and (changes or total == 0.0):
                 found[k] = total / samples
         return found
@@ -190,7 +190,7 @@ class SpeedsBesideThrust:
         turns = np.isfinite(speeds) & (speeds > 0.0)
         if not turns.any():
             return np.zeros_like(self._pairs)
-        # What all motors do alike, as in a climb, tells none from another.
+        # What all motors do alike, as in a climb, distinguishes none.
         y = np.where(turns, speeds / np.median(speeds[turns]) - 1.0, 0.0)
         x = (root / max(float(np.median(root)), 0.1) - 1.0)[:, None] * turns
         known = np.broadcast_to(turns, x.shape)

@@ -66,7 +66,7 @@ class Comparison:
     why
         Reason of a second baseline.
     load
-        Load at which the quantity is told, in its unit; None where it does not grow with the load.
+        Load to which the quantity refers, in its unit; None where it does not grow with the load.
     """
 
     condition: Condition
@@ -182,7 +182,7 @@ class _ReferenceFlights:
 
     @property
     def load(self) -> float | None:
-        """Load at which the wear is told; None where it does not grow with the load."""
+        """Load to which the wear refers; None where it does not grow with the load."""
         return self.nuisances.load if self.nuisances.load_friction else None
 
     def beyond(self, record: OwnRecord) -> Difference | None:

@@ -142,7 +142,7 @@ def _difference(
     of: _Of, records: Sequence[OwnRecord], margin: float, below: str, above: str
 ) -> Difference | None:
     values = [value for record in records if (value := of(record)) is not None]
-    # A difference that some flights do not tell would be fitted on the others alone.
+    # A difference that some flights do not show would be fitted on the others alone.
     if len(values) < len(records):
         return None
     return Difference(of, float(np.mean(values)), min(values), max(values), margin, below, above)
@@ -151,7 +151,7 @@ def _difference(
 def _loads(records: Sequence[OwnRecord]) -> list[Difference]:
     """Return the loads of the flights, and their range: beyond it friction over load is a guess.
 
-    What a flight's own samples tell of μ is attenuated, for its light samples are those near stiction; a
+    What a flight's own samples show of μ is attenuated, for its light samples are those near stiction; a
     line over the flights takes the rest, where their loads differ.
     """
     found = _difference(mean_load, records, 0.0, "more lightly loaded", "more heavily loaded")

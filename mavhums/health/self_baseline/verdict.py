@@ -80,13 +80,13 @@ def _compared(
     fault = equation.fault if lost is None else _CONSTANT
     suspects = [Suspect(fault=fault, confidence=MOST_CONFIDENCE)] if changed else []
     motor = motor_indicators(verdict.own, past) if decides else ()
-    told = {"condition": found.condition, "worst": found.condition, **why} if decides or changed else {}
+    decided = {"condition": found.condition, "worst": found.condition, **why} if decides or changed else {}
     return verdict.model_copy(
         update={
             "indicators": (*verdict.indicators, *indicators, *motor),
             "evidence": (*verdict.evidence, *evidence),
             "suspects": (*verdict.suspects, *suspects),
-            **told,
+            **decided,
         }
     )
 

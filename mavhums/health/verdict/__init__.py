@@ -71,10 +71,10 @@ def with_advice(verdict: Verdict) -> Verdict:
     'keep the log: the baseline grows with every flight'
     """
     if verdict.subject == "motor":
-        # Outputs alone do not tell a propeller from its motor or ESC; the ESC's speed does.
-        told = next((item.rule.rpartition(": ")[2] for item in verdict.evidence if item.kind == "speed"), "")
+        # Outputs alone do not distinguish a propeller from its motor or ESC; the ESC's speed does.
+        cause = next((item.rule.rpartition(": ")[2] for item in verdict.evidence if item.kind == "speed"), "")
         before = "motor, ESC and wiring"
-        chain = f"propeller, {before}" if not told else before if "the ESC" in told else "propeller"
+        chain = f"propeller, {before}" if not cause else before if "the ESC" in cause else "propeller"
         chain = f"the {chain} of {verdict.actuator}"
         advice = _BY_CONDITION[verdict.gravest].format(parts=chain)
         if verdict.gravest == "emergency":

@@ -168,7 +168,7 @@ def _unmonitored(
 
 def _absurd(implausible: Mapping[str, tuple[int, int]]) -> Reason | None:
     """Return the reason if most values of a quantity are implausible for this actuator."""
-    shares = {key: refused / told for key, (refused, told) in implausible.items()}
+    shares = {key: refused / count for key, (refused, count) in implausible.items()}
     worst = [key for key, share in shares.items() if share > NAMED_SHARE]
     if not worst:
         return None

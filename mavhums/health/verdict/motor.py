@@ -2,7 +2,7 @@
 
 A flight alone cannot show a motor or a propeller that was worn from the start. A trim that changed against
 the earlier flights is therefore reported with its causes: a worn propeller or motor, or a weight that sits
-elsewhere, unless yaw tells them apart. An imbalance alone is no evidence: whole propellers, a battery beside
+elsewhere, unless yaw separates them. An imbalance alone is no evidence: whole propellers, a battery beside
 the middle and a motor's tolerance make one.
 """
 
@@ -120,7 +120,7 @@ def _lost(vehicle: int, findings: MotorFindings, loss: ThrustLoss, start_utc: da
 
 
 def _by_speed(cause: SpeedCause | None) -> Iterator[Evidence]:
-    """Yield what the motor's speed tells of the cause."""
+    """Yield what the motor's speed shows of the cause."""
     if cause is not None:
         yield Evidence(
             kind="speed",

@@ -56,7 +56,7 @@ _SECONDS: Final = {
 _MOTIONS: Final[tuple[Mapping[str, Any], ...]] = (
     {
         **_SECONDS,
-        "stood": "it never flew forward",
+        "still": "it never flew forward",
         "motion": "forward flight",
         "longer": "forward flight",
         "manoeuvres": "turns and climbs",
@@ -64,7 +64,7 @@ _MOTIONS: Final[tuple[Mapping[str, Any], ...]] = (
     },
     {
         **_SECONDS,
-        "stood": "it did not drive forward for 3 s",
+        "still": "it did not drive forward for 3 s",
         "motion": "driving forward",
         "longer": "driving forward, with turns",
         "manoeuvres": "turns",
@@ -117,8 +117,8 @@ def why_not_at_all(
 ) -> tuple[Reason, ...]:
     """Return why no axis of a vehicle can be judged; nothing if some may be.
 
-    ``kind`` is the type of vehicle in words, if something other than its flight tells it; ``received`` the
-    numbers of samples by message; ``parameters`` those of the vehicle, which tell how a rover steers.
+    ``kind`` is the type of vehicle in words, if something other than its flight shows it; ``received`` the
+    numbers of samples by message; ``parameters`` those of the vehicle, which show how a rover steers.
 
     Examples
     --------
@@ -278,7 +278,7 @@ def _obstacles(
 
 
 def _unmeasured(findings: AxisFindings, flight: Flight, received: Mapping[str, Received]) -> Iterator[Reason]:
-    """Yield what no flight as it was recorded can tell: streams that are too slow or absent."""
+    """Yield the streams without which no flight shows the axis: those that are too slow or absent."""
     axis = findings.axis
     slow = _slow(findings, flight)
     if slow:

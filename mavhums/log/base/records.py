@@ -63,7 +63,7 @@ class DefinitionTable:
         return None if definition is None else definition.name
 
     def add(self, definition: Definition | None) -> None:
-        """Add the next definition; None stands for one that cannot be used: its records are unknown."""
+        """Add the next definition; None if it cannot be used: its records are unknown then."""
         self._definitions.append(definition)
         self._sizes.clear()
 
@@ -93,7 +93,7 @@ class DefinitionTable:
         shift_us
             Offset added to their times.
         vehicle
-            Id of the vehicle; None where the rows tell.
+            Id of the vehicle; None where the rows contain it.
         """
         sizes = self._wanted(messages)
         counts = _count(batch.rows, sizes.size)

@@ -23,7 +23,7 @@ def refusal(head: bytes) -> Refusal | None:
     """Return why a log that begins with ``head`` cannot be read; None if it can."""
     scanner = RecordScanner()
     columns: list[list[bytes]] = []
-    # Definitions stand first: the rest of the megabyte is scanned only where none of them has a time.
+    # Definitions come first: the rest of the megabyte is scanned only where none of them has a time.
     for piece, final in pieces(head):
         scanner.feed(piece, final=final)
         columns = [body[22:].tobytes().split(b"\0")[0].split(b",") for body in scanner.bodies[1:]]

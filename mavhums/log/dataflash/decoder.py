@@ -75,8 +75,8 @@ class Dating:
         """Process the records before ``end``."""
         parameters, positions = tables.get("PARM"), tables.get("GPS")
         if parameters is not None and not self._identified and parameters.holds_text("Name"):
-            told = np.isin(parameters["Name"], _IDS)
-            for value in parameters.numbers("Value")[told].tolist():
+            ids = np.isin(parameters["Name"], _IDS)
+            for value in parameters.numbers("Value")[ids].tolist():
                 if not self._identified and 1 <= value <= 255:
                     self.vehicle, self._identified = int(value), True
         if positions is not None and self.offset_us is None:

@@ -74,7 +74,7 @@ def _is_text(data: Bytes, start: int, end: int) -> bool:
 
 
 @subroutine
-def _size_told(data: Bytes, start: int, end: int) -> int:
+def _record_size(data: Bytes, start: int, end: int) -> int:
     """Return the size of a record with these fields, bytes; 0 if a field type does not exist."""
     size = HEAD
     place = start
@@ -121,16 +121,16 @@ def define(data: Bytes, position: int, epoch: int, types: Records, bodies: Bytes
         return -1
     if not _is_text(data, position + _COLUMNS, position + FMT_SIZE):
         return -1
-    told = _size_told(data, position + _FORMAT, position + _COLUMNS)
-    if length <= HEAD or told == 0:
+    size = _record_size(data, position + _FORMAT, position + _COLUMNS)
+    if length <= HEAD or size == 0:
         return -1
     number = int(data[position + HEAD])
-    if number == FMT and told == length:
+    if number == FMT and size == length:
         return known
     kind = types[number]
     # Firmware defines messages that it never writes with a length of its own (ArduCopter 3.4: EKF5, BAR3).
     # Such a definition defines nothing; a record of its kind, if one comes, is damage.
-    if told != length:
+    if size != length:
         return known if kind.length == 0 else -1
     if kind.length > 0:
         same = True

@@ -65,7 +65,7 @@ STATE = counters(
 
 ``base`` is the stream offset of the buffer's first byte after the guard, ``position`` where in the
 buffer the scan stopped. Since the last record ``skipped`` counts the bytes skipped and ``filler`` the
-equal bytes at their end. ``marked`` tells whether a FMT of FMT came since the last time, ``epoch``
+equal bytes at their end. ``marked`` is whether a FMT of FMT came since the last time, ``epoch``
 counts those, ``old_from`` is the offset at which an old cluster began, or -1.
 """
 
@@ -210,10 +210,10 @@ def _run_in_step(data: Bytes, state: Record, types: Records, rows: Records, foun
         if kind.length == 0 or number == FMT or end + 2 > data.size or not begins(data, end):
             break
         if kind.timed:
-            told_us = time_at(data, position)
-            if time_us < 0 or not is_near(told_us, time_us):
+            stamp_us = time_at(data, position)
+            if time_us < 0 or not is_near(stamp_us, time_us):
                 break
-            time_us, marked = told_us, 0
+            time_us, marked = stamp_us, 0
         row = rows[found]
         row.offset = ahead + position
         row.time_us = time_us

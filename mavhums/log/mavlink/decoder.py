@@ -212,7 +212,7 @@ class _SenderClocks:
             self._system = int(rows["system"][speak[0]])
         speak = speak[rows["system"][speak] == self._system]
         begin = batch.places + rows["start"]
-        told_us = np.zeros(speak.size, dtype=np.int64)
+        stamps_us = np.zeros(speak.size, dtype=np.int64)
         for byte in range(4):
             at = places[speak] + byte
             sent = np.where(
@@ -220,11 +220,11 @@ class _SenderClocks:
                 batch.data[np.minimum(begin[speak] + at, batch.data.size - 1)],
                 0,
             )
-            told_us += sent.astype(np.int64) << (8 * byte)
-        told_us *= 1000
+            stamps_us += sent.astype(np.int64) << (8 * byte)
+        stamps_us *= 1000
         times = np.empty(rows.size, dtype=np.int64)
         done = 0
-        for row, time_us in zip(speak.tolist(), told_us.tolist(), strict=True):
+        for row, time_us in zip(speak.tolist(), stamps_us.tolist(), strict=True):
             times[done:row] = self._time_us
             if not self._time_us - 60_000_000 <= time_us < self._time_us:
                 self._time_us = time_us

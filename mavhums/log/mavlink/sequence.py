@@ -239,7 +239,7 @@ class StreamStats:
     Attributes
     ----------
     unknown
-        Number of frames by message id that the dialect does not define; -1 stands for all ids
+        Number of frames by message id that the dialect does not define; -1 means all ids
         beyond the first thousand.
     """
 

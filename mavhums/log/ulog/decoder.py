@@ -146,7 +146,7 @@ class UlogDecoder:
 
     @property
     def unknown(self) -> dict[int, int]:
-        """Number of records by message id without a layout; -1 stands for messages of unknown kinds."""
+        """Number of records by message id without a layout; -1 means messages of unknown kinds."""
         kinds = self._scanner.totals.unknown
         return self._scanner.topics.unknown | ({-1: kinds} if kinds else {})
 

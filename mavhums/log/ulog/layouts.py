@@ -31,11 +31,11 @@ TOPIC = np.dtype(
         for name in ("definition", "least", "most", "stamp", "instance", "timed", "unknown", "spare")
     ]
 )
-"""What a message id stands for.
+"""The messages that an id denotes.
 
 ``definition`` is the number of a record's layout, ``UNUSED``, or ``UNKNOWN`` of an id whose layout is
 not known; ``least`` and ``most`` bound the bytes of a record, ``stamp`` is where its time stamp lies,
--1 where it has none, ``instance`` the multi id. ``timed`` tells whether a record of it had a sound time,
+-1 where it has none, ``instance`` the multi id. ``timed`` is whether a record of it had a sound time,
 ``unknown`` counts the records without a layout.
 """
 

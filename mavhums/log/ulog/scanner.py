@@ -57,10 +57,10 @@ STATE = counters(
 
 ``base`` is the stream offset of the buffer's first byte, ``position`` where in the buffer the scan
 stopped, ``found`` and ``ended`` how many rows and regions of this buffer are written. Since the last
-message ``lost_step`` tells whether the next was not where it ought to be, ``skipped`` counts the bytes
+message ``lost_step`` is whether the next was not at its expected place, ``skipped`` counts the bytes
 skipped and ``filler`` the zero bytes at their end. ``begun_us`` is the header's time, ``time_us`` the
 clock, ``astray`` the last time that was too far from it, ``run`` how many in a row were near that one.
-``unknown`` counts messages of unknown kinds, ``cut`` tells whether a message is cut by the end.
+``unknown`` counts messages of unknown kinds, ``cut`` is whether the end cuts a message.
 """
 
 MOST_PAUSES = 1 << 16
@@ -71,25 +71,25 @@ _A, _D, _R = ord("A"), ord("D"), ord("R")
 
 
 @inlined
-def _judge_time(state: Record, told_us: int) -> bool:
+def _judge_time(state: Record, stamp_us: int) -> bool:
     """Accept a record's time within a minute of the clock; three consecutive other times set the clock.
 
     Several topics are logged with one time: where it is wrong, it is one wrong time. A header without a time
-    tells no clock.
+    sets no clock.
     """
-    if not plausible(told_us) or told_us < state.begun_us:
+    if not plausible(stamp_us) or stamp_us < state.begun_us:
         return False
-    if abs(told_us - state.time_us) <= _STEP_US or (state.time_us == 0 and told_us > 0):
-        state.time_us = told_us
+    if abs(stamp_us - state.time_us) <= _STEP_US or (state.time_us == 0 and stamp_us > 0):
+        state.time_us = stamp_us
         state.run = 0
         return True
-    if told_us <= 0 or (state.run and told_us == state.astray):
+    if stamp_us <= 0 or (state.run and stamp_us == state.astray):
         return False
-    state.run = state.run + 1 if state.run and abs(told_us - state.astray) <= _STEP_US else 1
-    state.astray = told_us
+    state.run = state.run + 1 if state.run and abs(stamp_us - state.astray) <= _STEP_US else 1
+    state.astray = stamp_us
     if state.run < _CONFIRM:
         return False
-    state.time_us = told_us
+    state.time_us = stamp_us
     state.run = 0
     state.jumps += 1
     return True
@@ -118,13 +118,13 @@ def _note_row(state: Record, row: Record, data: Bytes, position: int, topics: Re
         row.definition = topic.definition
         row.component = topic.instance
         if topic.stamp >= 0:
-            told_us = int(np.int64(load_word(data, position + BODY + 2 + topic.stamp)))
-            if _judge_time(state, told_us):
+            stamp_us = int(np.int64(load_word(data, position + BODY + 2 + topic.stamp)))
+            if _judge_time(state, stamp_us):
                 topic.timed = 1
             else:
                 row.flags = ODD_TIME
                 # What was published before the logger began is old, not damaged.
-                state.odd_times += topic.timed and not 0 <= told_us < state.begun_us
+                state.odd_times += topic.timed and not 0 <= stamp_us < state.begun_us
     row.time_us = state.time_us
 
 
@@ -153,14 +153,14 @@ def _run_of_data(data: Bytes, position: int, state: Record, topics: Records, row
         topic = topics[topic_of(data, position)]
         if topic.stamp < 0:
             break
-        told_us = np.int64(load_word(data, position + BODY + 2 + topic.stamp))
-        if abs(told_us - clock) > _STEP_US or not plausible(told_us):
+        stamp_us = np.int64(load_word(data, position + BODY + 2 + topic.stamp))
+        if abs(stamp_us - clock) > _STEP_US or not plausible(stamp_us):
             break
-        clock = told_us
+        clock = stamp_us
         topic.timed = 1
         row = rows[found]
         row.offset = state.base + position
-        row.time_us = told_us
+        row.time_us = stamp_us
         row.definition = topic.definition
         row.start = BODY + 2
         row.length = size - 2

@@ -79,7 +79,7 @@ function ticks(duration) {
 }
 
 // What the cursor shows of a time.
-function told(chart, modes, events, at) {
+function hoverText(chart, modes, events, at) {
   const time = chart.time[at];
   const mode = modes.find(([begin, end]) => begin <= time && time < end)?.[2];
   const title = chart.flights ? `flight ${chart.flights[at]}, ${day(time)}` : clock(time) + (mode ? `, ${mode}` : "");
@@ -103,7 +103,7 @@ function curve(chart, whole) {
     ...(chart.demanded ? [line(chart.demanded, { line: { color: tones.strong, width: 1.5, dash: "dash" } })] : []),
     line(chart.value, {
       mode: trend ? "lines+markers" : "lines", line: { color: tones.blue, width: 2 }, marker: { color: tones.blue, size: 8 },
-      text: chart.time.map((_, at) => told(chart, modes, events, at)), hoverinfo: "text",
+      text: chart.time.map((_, at) => hoverText(chart, modes, events, at)), hoverinfo: "text",
     }),
   ];
   const across = (at) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: at, y1: at, line: { color: tones.limit, width: 1.5, dash: "dash" } });

@@ -74,13 +74,13 @@ function send({ file, shown, alone }) {
       look();
     }
     else {
-      let told = { problem: request.responseText.slice(0, 300) || `the server answers ${request.status}`, remedy: "" };
+      let refusal = { problem: request.responseText.slice(0, 300) || `the server answers ${request.status}`, remedy: "" };
       try {
-        told = JSON.parse(request.responseText);
+        refusal = JSON.parse(request.responseText);
       } catch {
         // not ours: shown as it is
       }
-      refuse(shown, file.name, told.problem, told.remedy);
+      refuse(shown, file.name, refusal.problem, refusal.remedy);
     }
     end();
   });

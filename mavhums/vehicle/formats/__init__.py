@@ -135,7 +135,7 @@ def remedy(
     fact
         A key of ``REMEDIES``.
     messages
-        Messages of the log, which tell its format.
+        Messages of the log, which show its format.
     autopilots
         MAV_AUTOPILOTs of the vehicle; where they are known, the remedy is theirs.
     parameters

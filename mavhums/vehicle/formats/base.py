@@ -117,7 +117,7 @@ class FormatModule(Protocol):
         the shortest spacing counts, of equal ones the first in the table.
     REMEDIES
         How a fact that is missing is recorded, by autopilot: the messages, and the parameter that sets them.
-        ``motion`` stands for outputs, rates and attitude together, which every axis needs.
+        ``motion`` means outputs, rates and attitude together, which every axis needs.
     """
 
     NAME: str

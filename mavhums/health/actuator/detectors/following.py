@@ -9,7 +9,7 @@ A model follows the command as a healthy actuator would: with the lag of its con
 slew rate and no farther than its stroke. What the shaft lags behind the model, no healthy actuator lags:
 friction, load and play move it by less than the limit.
 
-A shaft that stands is left to the detector of jams. A second in which little is asked shows no fault and
+A shaft at rest is left to the detector of jams. A second in which little is asked shows no fault and
 ends none.
 
 **Jam** finds a surface that is commanded and does not move: jammed, disconnected or without power. It needs
@@ -17,13 +17,13 @@ the command and the output shaft's angle, and none of the actuator's constants. 
 speed whose sign is derived from the command is no evidence. An angle calculated from the rotor's moves with
 the rotor, which moves through the gear's play and winds up the gear even if the shaft is jammed.
 
-The current shows a jam, too, however short and however little is commanded: a shaft that stands although the
-motor pushes with most of its torque at stall, for half a second. The current's sign does not matter.
+The current shows a jam, too, however short it is and however little is commanded: a shaft at rest although
+the motor pushes with most of its torque at stall, for half a second. The current's sign does not matter.
 
-A shaft that its **load** brings to a stand is not jammed: an actuator too weak or too soft is already degrees
-behind while it still moves, and then takes much of the current with which it stands. Until the command lies
+A shaft that its **load** stops is not jammed: an actuator too weak or too soft is already degrees
+behind while it still moves, and then takes much of the current that it takes at rest. Until the command lies
 on the other side of the shaft, nothing shows whether it is jammed as well. A load that is measured, and takes
-little of the motor's torque, brings nothing to a stand.
+little of the motor's torque, stops nothing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from mavhums.core.statistics import RAD_S_PER_REV_MIN
 from mavhums.health.actuator.detector import Detector, DetectorInput
 from mavhums.health.actuator.thresholds import (
     FOLLOWING_ASKED_LIMITS,
-    FOLLOWING_STANDS_SHARE,
+    FOLLOWING_REST_SHARE,
     JAM_COMMAND_DEG,
     JAM_PARTS_PER_SLOT,
     JAM_SHARE,
@@ -111,9 +111,9 @@ class FollowingDetector(Detector):
             for angle in (shaft, shaft - error)
         )
         # A second that asks little neither shows a fault nor ends one.
-        tells = (rms > self._limit) | (asked >= FOLLOWING_ASKED_LIMITS * self._limit)
-        # A shaft that stands is jammed or idle; either would read as a large error.
-        moved = np.where((travel >= FOLLOWING_STANDS_SHARE * rms) & tells, rms, np.nan)
+        shows = (rms > self._limit) | (asked >= FOLLOWING_ASKED_LIMITS * self._limit)
+        # A shaft at rest is jammed or idle; either would read as a large error.
+        moved = np.where((travel >= FOLLOWING_REST_SHARE * rms) & shows, rms, np.nan)
         windows = self._windows.feed(slots.index, moved[:, None])[:, :, 0]
         # The third largest of ten: one glitch of a sensor, or a step in two seconds, is no fault.
         largest = np.sort(np.where(np.isnan(windows), -np.inf, windows), axis=1)[:, -AGREEING]
@@ -151,8 +151,8 @@ class JamDetector(Detector):
 
     If three seconds contain too little commanded travel, ten seconds are used. The last second of the command
     does not count, because the shaft may not have followed yet. One such window is a jam: no actuator that
-    follows leaves out most of 4°, and a jam may be over before several windows agree. A shaft that just stood
-    at stall leaves out all, whatever it flew before and after.
+    follows leaves out most of 4°, and a jam may be over before several windows agree. A shaft that has
+    just stalled leaves out all, whatever it flew before and after.
     """
 
     fault: ClassVar[str] = "jam"
@@ -169,7 +169,7 @@ class JamDetector(Detector):
         self.levels = Levels(JAM_SHARE, JAM_SHARE)
         ema = actuator.ema
         self._stall_a = ema.supply_voltage / ema.resistance if ema and ema.supply_voltage else np.nan
-        self._standing = actuator.moving_speed_rev_min if ema else np.nan
+        self._rest_rev_min = actuator.moving_speed_rev_min if ema else np.nan
         self._windows = Windows(9, max(_JAM_PARTS), empty=-np.inf)
         self._laboured_a = 0.0  # current of the latest motion, with its way; zero if it was easy
         self._in_vain = Windows(1, slots=2)  # half a second may lie in two
@@ -240,12 +240,12 @@ class JamDetector(Detector):
         return np.asarray(held)
 
     def _stalls(self, slots: Slots) -> Flags:
-        """Return in which pairs of slots the shaft stands while the motor pushes, shape (k,)."""
+        """Return in which pairs of slots the shaft rests while the motor pushes, shape (k,)."""
         values, time_s = slots.values, slots.time_s
         _, unsigned_a, unsigned_rev_min = values[:, MAGNITUDES].T
         pushes = np.fmax(np.abs(values[:, _V5]), unsigned_a) >= JAM_SHARE * self._stall_a
         # A speed that is not known counts as motion: it must not show a stall.
-        moves = ~(np.fmax(np.abs(values[:, _V7]), unsigned_rev_min) < self._standing)
+        moves = ~(np.fmax(np.abs(values[:, _V7]), unsigned_rev_min) < self._rest_rev_min)
         moved_s = np.concatenate([[-np.inf], time_s[moves], [np.inf]])
         at = np.searchsorted(moved_s, time_s)
         apart_s = np.minimum(moved_s[at] - time_s, time_s - moved_s[at - 1])
@@ -279,7 +279,7 @@ class JamDetector(Detector):
 def _only_approached(missed: Array, least: Array) -> Flags:
     """Return in which windows the command only came back to a shaft that had stayed behind it, shape (k,).
 
-    A soft controller that holds a load stays behind by degrees and lets the shaft stand while the command
+    A soft controller that holds a load stays behind by degrees and lets the shaft rest while the command
     returns: nothing asks it to move. ``missed`` holds the highest and minus the lowest of command less angle,
     shape (k, p, 2); an error that grows by ``least`` asks for motion.
     """

@@ -73,7 +73,7 @@ class FrictionDetector(EquationDetector):
         scatters more, than what lies between it and the normal limit.
 
         An estimate well below zero contradicts the balance: the constants are not this actuator's, or a
-        sensor lies. So does one that is surely next to nothing, as a current has that stands still.
+        sensor lies. So does one that is surely next to nothing, as of a current that does not change.
         """
         return self._scaled(fits["torque"], flight)
 
@@ -89,7 +89,7 @@ class FrictionDetector(EquationDetector):
         friction, error = fit["friction"]
         whole_error = np.hypot(error * scale, friction * scale_error)
         shown = fit.spread & (fit.count >= LEAST_SAMPLES)
-        # The interval must be able to tell the limits apart; a grave friction scatters more and is above
+        # The interval must be able to separate the limits; a grave friction scatters more and is above
         # either.
         shown &= 2 * ERRORS_95 * whole_error < np.maximum(self._widest, friction * scale - self._normal)
         # Well below zero: the constants are not this actuator's, or a sensor lies.

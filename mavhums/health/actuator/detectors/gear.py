@@ -60,6 +60,6 @@ class SensorBiasDetector(EquationDetector):
         fit = fits["gear"]
         one_sided = fit.both_ways("flank", "bias") < AGREEING
         bias, error = fit["bias"]
-        # On one flank play and bias cannot be told apart.
+        # On one flank play and bias look alike.
         error = np.maximum(error, np.where(one_sided, self._play, 0.0))
         return Estimates.of(bias, error, fit.freedom, fit.spread & sharp(bias, error, self.levels.normal))

@@ -16,12 +16,12 @@ corrections last a tenth of a second: at 20 Hz and below, hardly any sample has 
 It omits the gear play after a reversal, where only a part of the friction acts, and the inertial torque,
 which needs two neighbours. Both are small in the mean over a flight, but not in one window.
 
-The voltage of the stator winding, without inductance, moving or standing:
+The voltage of the stator winding, without inductance, in motion or at rest:
 
     V4 = R·V5 + N·k_e·ω + offset
 
 In SI units the back-EMF constant k_e is the torque constant k_t. Telemetry without signs shows the resistance
-where the shaft stands: |V4| = R·|V5|, whichever the signs are. Because their sign is unknown, these samples
+where the shaft is at rest: |V4| = R·|V5|, whatever the signs. Because their sign is unknown, these samples
 do not show the offset. The voltage of the supply is a constant, for an ESC that measures at the bus.
 
 Backlash and wind-up of the gear, from measured angles of rotor and output shaft:
@@ -172,12 +172,12 @@ def _voltage_rows(actuator: Actuator, motion: Motion) -> tuple[Array, Array, Fla
     X = np.stack([current, motion.speed, np.ones(len(volts))], axis=1)
     usable = np.isfinite(X).all(axis=1) & np.isfinite(volts)
     unsigned_v, unsigned_a, rev_min = motion.magnitudes.T
-    stands = ~usable & (rev_min <= actuator.moving_speed_rev_min)
+    at_rest = ~usable & (rev_min <= actuator.moving_speed_rev_min)
     # The magnitude of a small current is noise, which would read as resistance.
-    stands &= unsigned_v > LOADED_AT_STANDSTILL_A * actuator.known_ema().resistance
-    X[stands] = 0.0
-    X[stands, 0] = unsigned_a[stands]
-    return X, np.where(stands, unsigned_v, volts), usable | (stands & np.isfinite(unsigned_a))
+    at_rest &= unsigned_v > LOADED_AT_STANDSTILL_A * actuator.known_ema().resistance
+    X[at_rest] = 0.0
+    X[at_rest, 0] = unsigned_a[at_rest]
+    return X, np.where(at_rest, unsigned_v, volts), usable | (at_rest & np.isfinite(unsigned_a))
 
 
 def _supply_prior(actuator: Actuator) -> Prior:
