@@ -143,7 +143,7 @@ def _booted(row: dict[str, str], path: Path) -> Fault | None:
 
 
 def judge(flight: Flight, airframe: str | Path | None) -> Outcome:
-    """Return what the engine finds in a flight, its outputs named by a profile or told by the log."""
+    """Return what the engine finds in a flight, its outputs named by a profile or by the log."""
     return judge_bytes(flight, read_blocks(flight.path), airframe)
 
 

@@ -63,7 +63,7 @@ class Friction(NamedTuple):
     offset_v: float
 
     def sheet(self) -> Sheet:
-        """Return the constants that these stand for."""
+        """Return the constants of the data sheet that give these."""
         resistance = self.volts_per_nm * self.back_emf
         return Sheet(GEAR_RATIO, self.back_emf, resistance, SUPPLY_V / self.volts_per_nm, SUPPLY_V)
 

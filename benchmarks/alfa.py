@@ -10,7 +10,7 @@ given, and with the outputs inferred from each flight's own beginning.
 Frozen servo outputs, ``DISABLE_*`` parameters and STATUSTEXT are never evidence. Delays count to the end of
 the second of data that made the finding certain; live, it settles once every stream has passed it.
 
-``--radio`` sends each .tlog through N draws of a radio's latency and losses as well, and tells which
+``--radio`` sends each .tlog through N draws of a radio's latency and losses as well, and prints which
 conditions and which delays depend on the draw.
 
 For comparison: A. Keipour, M. Mousaei, S. Scherer, "Automatic real-time anomaly detection for autonomous
@@ -41,11 +41,11 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     flights = [*read_labels(arguments.folder)]
-    told = _names_outputs(flights[0].path)
-    named = arguments.airframe or (None if told else Path(__file__).with_name("alfa.toml"))
+    named_by_logs = _names_outputs(flights[0].path)
+    named = arguments.airframe or (None if named_by_logs else Path(__file__).with_name("alfa.toml"))
     first = "outputs by the logs' own parameters" if named is None else f"outputs named by {Path(named).name}"
     _report(first, [judge(flight, named) for flight in flights])
-    if not told:
+    if not named_by_logs:
         _report("outputs inferred from each flight", [judge(flight, None) for flight in flights])
     if arguments.radio:
         _report_draws([flight for flight in flights if flight.path.suffix == ".tlog"], named, arguments.radio)
@@ -77,16 +77,16 @@ def _report_draws(flights: Sequence[Flight], named: str | Path | None, draws: in
         conditions = {tuple(sorted(outcome.conditions.items())) for outcome in outcomes}
         differ += len(conditions) > 1
         false += sum(bool(outcome.false_alarms()) for outcome in outcomes)
-        told = [", ".join(f"{axis} {condition}" for axis, condition in one) for one in sorted(conditions)]
+        results = [", ".join(f"{axis} {condition}" for axis, condition in one) for one in sorted(conditions)]
         for fault in (fault for fault in flight.faults if not fault.confounds):
             found = [outcome.found(fault) for outcome in outcomes]
             delays = [alarms[0].time_s - fault.start_s for alarms in found if alarms]
             faults += 1
             partly += 0 < len(delays) < len(found)
             spreads += [max(delays) - min(delays)] if delays else []
-            told.append(f"{fault.surface} found in {len(delays)} of {len(found)}")
-            told[-1] += f" after {min(delays):.0f} to {max(delays):.0f} s" if delays else ""
-        print(f"{flight.path.name}: {'; '.join(told)}")
+            results.append(f"{fault.surface} found in {len(delays)} of {len(found)}")
+            results[-1] += f" after {min(delays):.0f} to {max(delays):.0f} s" if delays else ""
+        print(f"{flight.path.name}: {'; '.join(results)}")
     moved = f"{median(spreads or [0.0]):.0f} s in the median, {max(spreads or [0.0]):.0f} s at most"
     print(f"\nconditions differ in {differ} of {len(flights)} flights")
     print(f"faults that are found in some draws only: {partly} of {faults}; delays move by {moved}")

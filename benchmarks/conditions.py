@@ -92,7 +92,7 @@ def balance(time: Array, amperes: Array, speed: Array, load: list[Array]) -> flo
 
 
 def following(time: Array, command: Array, speed: Array) -> float:
-    """Speed divided by commanded speed: 1 if the shaft follows, 0 if it stands still."""
+    """Speed divided by commanded speed: 1 if the shaft follows, 0 if it does not move."""
     wanted = np.interp(time - 0.05, time, np.gradient(command, time))
     return float(wanted @ speed / (wanted @ wanted))
 
@@ -220,10 +220,10 @@ def picture(path: Path) -> None:
     figure, axes = plt.subplots(4, 2, figsize=(11, 9), layout="constrained")
     time = fly(QUIET).actuators[SURFACE].time_s
     shown = (time > 10.0) & (time < 14.0)
-    telling = dict(zip(CLEAR, ("V5", "V3−V2/N", "V4", "V5", "V4", "V3−V2/N", "V3"), strict=True))
+    informative = dict(zip(CLEAR, ("V5", "V3−V2/N", "V4", "V5", "V4", "V3−V2/N", "V3"), strict=True))
     units = {"V3": "°", "V3−V2/N": "°", "V4": "V", "V5": "A"}
     for axis, (fault, severity) in zip(axes.flat, CLEAR.items(), strict=False):
-        name = telling[fault]
+        name = informative[fault]
         column = QUANTITIES.index(name)
         axis.plot(time[shown], quantities("friction", 0.0)[shown, column], color="0.6", label="healthy")
         worn = quantities(fault, severity)[shown, column]

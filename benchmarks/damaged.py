@@ -217,12 +217,12 @@ def run(logs: Sequence[tuple[str, bytes]], count: int, seed: int) -> Counter[str
                 rng = random.Random(f"{seed}/{which}/{k}")
                 path = Path(folder, f"damaged{suffix}")
                 path.write_bytes(rng.choice(DAMAGE)(log, suffix, rng))
-                told = {
+                problems = {
                     (arguments[0], problem)
                     for arguments in commands(path, Path(folder))
                     for problem in problems_of(arguments)
                 }
-                for command, problem in sorted(told):
+                for command, problem in sorted(problems):
                     found[problem] += 1
                     print(f"{suffix} {seed}/{which}/{k} {command}: {problem}", flush=True)
     logging.disable(logging.NOTSET)

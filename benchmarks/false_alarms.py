@@ -37,7 +37,7 @@ def task(number: int) -> Task:
     return Task(f"{rate:g} Hz, {mode}, flight {number}", flown)
 
 
-def told(name: str, record: FlightRecord) -> list[tuple[str, str, str]]:
+def outcomes(name: str, record: FlightRecord) -> list[tuple[str, str, str]]:
     """Return tier, condition ("alarm" for any fault) and description of each actuator in each tier."""
     found = []
     for tier in TIERS:
@@ -61,7 +61,7 @@ def main() -> None:
     counts: Counter[tuple[str, str]] = Counter()
     tasks = [task(number) for number in range(args.first, args.first + flights)]
     with patch.object(mavhums_sim.flight, "simulate", partial(simulate, step_s=_STEP_S)):  # workers are forks
-        for done, (_, found) in enumerate(fly_all(tasks, told, args.workers), start=1):
+        for done, (_, found) in enumerate(fly_all(tasks, outcomes, args.workers), start=1):
             for tier, kind, text in found:
                 counts[tier, kind] += 1
                 if kind == "alarm":

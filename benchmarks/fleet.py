@@ -48,7 +48,7 @@ DAY_S = 86_400.0
 
 
 @contextmanager
-def told(what: str, count: int = 1, unit: str = "") -> Iterator[None]:
+def timed(what: str, count: int = 1, unit: str = "") -> Iterator[None]:
     """Print how long a part took, and how many there were each second."""
     with watched() as used:
         wall_s = time.perf_counter()
@@ -115,13 +115,13 @@ def scans(folder: Path) -> None:
         log.write_bytes(moved(made[number % 3], DAY_S * number))
     print(f"{len(logs)} logs of {logs[0].stat().st_size / 1e6:.1f} MB")
     analyse(logs[0])
-    with told("plain loop", len(logs), "logs"):
+    with timed("plain loop", len(logs), "logs"):
         for log in logs:
             analyse(log)
     for workers in (1, 2):
         options = fleet.ScanOptions(judging=Options(aircraft="folder"), workers=workers)
         times: list[float] = []
-        with told(f"scan, {workers} workers, with start and comparison", len(logs), "logs"):
+        with timed(f"scan, {workers} workers, with start and comparison", len(logs), "logs"):
             fleet.scan(
                 [folder],
                 folder / f"store-{workers}",
@@ -130,7 +130,7 @@ def scans(folder: Path) -> None:
             )
         first, last = times[len(times) // 4], times[-1]
         print(f"  in full swing {len(times) * 0.75 / (last - first):.1f} logs/s")
-    with told("the same again, nothing new"):
+    with timed("the same again, nothing new"):
         fleet.scan([folder], folder / "store-2", options)
 
 
@@ -141,7 +141,7 @@ def many(folder: Path) -> None:
         log.write_bytes(moved(made[number % 3], DAY_S * number))
     analyse(logs[0])
     for jobs in (1, 2):
-        with told(f"analyse --jobs {jobs}", len(logs), "logs"):
+        with timed(f"analyse --jobs {jobs}", len(logs), "logs"):
             for _ in analyse_many(logs, batch=Batch(jobs=jobs)):
                 pass
 
@@ -195,7 +195,7 @@ def growth(folder: Path) -> None:
         log = folder / "new" / f"D-{aircraft:03}" / "new.tlog"
         log.parent.mkdir(parents=True)
         log.write_bytes(moved(made[1], 400 * DAY_S))
-    with told("scan of 10 new logs of 10 aircraft into a store of 10,000"):
+    with timed("scan of 10 new logs of 10 aircraft into a store of 10,000"):
         print(
             fleet.scan(
                 [folder / "new"], folder / "store", fleet.ScanOptions(judging=Options(aircraft="folder"))
@@ -237,21 +237,21 @@ def questions(folder: Path) -> None:
             connection.exec_driver_sql(copied)
     print(f"{store.stat().st_size / 1e9:.1f} GB", flush=True)
     for _ in range(3):
-        with told(f"worst 20 of {each * flights * AIRCRAFT} verdicts"):
+        with timed(f"worst 20 of {each * flights * AIRCRAFT} verdicts"):
             fleet.worst(store, most=20)
-        with told("status"):
+        with timed("status"):
             fleet.status(store)
-        with told("the page's list of aircraft"):
+        with timed("the page's list of aircraft"):
             aircraft_table(fleet.worst(store))
-        with told("digest of a day"):
+        with timed("digest of a day"):
             fleet.digest(store, datetime.now(UTC) - timedelta(days=1))
-        with told("exit code of all"):
+        with timed("exit code of all"):
             exit_code(store)
-        with told(f"trend of one aircraft, {flights} flights"):
+        with timed(f"trend of one aircraft, {flights} flights"):
             fleet.trend(store, "D-007")
-        with told("its flights"):
+        with timed("its flights"):
             last = all_flights(store, "D-007")[-1].log
-        with told("one of them"):
+        with timed("one of them"):
             flight(store, "D-007", last.sha256 or "")
 
 
@@ -260,7 +260,7 @@ def landed(what: str, store: Path, log: bytes, day: float, airframe: Airframe | 
     path = store.parent / "logs" / "D-000" / f"{day:g}.tlog"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(moved(log, DAY_S * day))
-    with told(what):
+    with timed(what):
         analyse(path, airframe=airframe, store=store, aircraft="folder", keep=True)
 
 
@@ -271,7 +271,7 @@ def stored(folder: Path, *, airframe: Airframe | None = None, compares: bool = T
     for count in LANDINGS:
         store = folder / str(count) / "store"
         rows = (row_of(flight.assessment, "D-000", flight) for flight in copies_of(alone, folder, 0, count))
-        with told(f"{count} flights of one aircraft put into a store", count, "flights"):
+        with timed(f"{count} flights of one aircraft put into a store", count, "flights"):
             add(store, *rows, compares=compares)
         for again in range(3):
             landed(f"landing after {count} flights", store, made[1], 20_000 + again, airframe)

@@ -36,7 +36,7 @@ REPAIRED = 2
 DAY_S = 86_400.0
 FIRST_DAY = datetime(2026, 1, 1, tzinfo=UTC)  # of the simulator
 
-Told = dict[str, list[str]]
+VerdictTexts = dict[str, list[str]]
 
 
 def fly_all(folder: Path, flights: int) -> None:
@@ -73,9 +73,9 @@ def repair(flights: int) -> fleet.Repair:
     return fleet.Repair(f"D-{REPAIRED:03d}", None, FIRST_DAY + timedelta(days=flights // 2))
 
 
-def one_by_one(logs: Path, store: Path, flights: int, rate: float, aircraft: Sequence[int]) -> Told:
+def one_by_one(logs: Path, store: Path, flights: int, rate: float, aircraft: Sequence[int]) -> VerdictTexts:
     """Judge and keep each log after its landing."""
-    told: Told = {}
+    verdicts: VerdictTexts = {}
     for number in aircraft:
         options = Options(store=store, aircraft="folder", false_alarms=rate, keep=True)
         for log in sorted((logs / f"D-{number:03d}").iterdir()):
@@ -85,24 +85,24 @@ def one_by_one(logs: Path, store: Path, flights: int, rate: float, aircraft: Seq
                 assessment = analyse(log, options)
             except MavhumsError:
                 continue
-            told[str(log)] = sorted(verdict.model_dump_json() for verdict in assessment.verdicts)
-    return told
+            verdicts[str(log)] = sorted(verdict.model_dump_json() for verdict in assessment.verdicts)
+    return verdicts
 
 
 def by_fleet(
     logs: Sequence[Path], store: str | Path, flights: int, *, rate: float = 1.0, parts: int = 1, **how: object
-) -> Told:
+) -> VerdictTexts:
     """Judge the logs in the given order of arrival."""
     judging = Options(false_alarms=rate, aircraft="folder")
     options = fleet.ScanOptions(judging=judging, **how)  # type: ignore[arg-type]
     for part in range(parts):
         fleet.scan(logs[part::parts], store, options)
         fleet.change_repairs(store, add=[repair(flights)])
-    told: Told = {}
+    verdicts: VerdictTexts = {}
     for aircraft in range(AIRCRAFT):
         for log, verdict in fleet.verdicts(store, f"D-{aircraft:03d}"):
-            told.setdefault(log, []).append(verdict.model_dump_json())
-    return {log: sorted(several) for log, several in told.items()}
+            verdicts.setdefault(log, []).append(verdict.model_dump_json())
+    return {log: sorted(several) for log, several in verdicts.items()}
 
 
 @contextmanager
@@ -131,7 +131,7 @@ def cluster(folder: Path) -> Iterator[str]:
             process.wait()
 
 
-def compare(name: str, expected: Told, found: Told, begun_s: float) -> bool:
+def compare(name: str, expected: VerdictTexts, found: VerdictTexts, begun_s: float) -> bool:
     same = sum(found.get(log) == verdicts for log, verdicts in expected.items())
     more = len(found.keys() - expected.keys())
     took_s = time.perf_counter() - begun_s

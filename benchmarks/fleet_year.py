@@ -62,8 +62,8 @@ class Part:
     begin: int = 0
     flown: int = 0
     recorded: bool = True
-    told: float | None = None  # true flights left to degraded when growth or a finding was first told
-    since: str = ""  # when it was repaired; what is told of the time before does not count
+    warned: float | None = None  # true flights left to degraded at the first report of growth or a finding
+    since: str = ""  # when it was repaired; reports of the time before do not count
     swap: int = 0  # flight after which it is swapped for another sound one; 0 for never
 
     @property
@@ -71,7 +71,7 @@ class Part:
         return self.level + self.growth * max(self.flown - self.begin, 0)
 
     def knows(self, one: Standing) -> bool:
-        """Return whether a standing tells growth or a fault of this part, not of the one before."""
+        """Return whether a standing reports growth or a fault of this part, not of the one before."""
         grows = one.growth is not None and one.growth.since_utc >= self.since
         return grows or (SEVERITY[one.condition] > 0 and (one.since_utc or "") >= self.since)
 
@@ -146,7 +146,7 @@ def days(
 
 
 class Year:
-    """The store, what is known of each aircraft in it, and what the mornings told."""
+    """The store, what is known of each aircraft in it, and the reports of the mornings."""
 
     def __init__(self, place: Path, fleet: dict[str, dict[str, Part]], rng: np.random.Generator) -> None:
         self.place, self.fleet, self.rng = place, fleet, rng
@@ -154,14 +154,14 @@ class Year:
         self.flown: dict[str, list[PastFlight]] = {name: [] for name in fleet}
         self.repaired: dict[str, dict[str | None, datetime]] = {name: {} for name in fleet}
         self.counts = Counter[str]()
-        self.early: dict[float, list[tuple[int, bool]]] = {}  # flights since it grows, and whether told
+        self.early: dict[float, list[tuple[int, bool]]] = {}  # flights since it grows, and whether reported
         self.inside: list[bool] = []
         self.crossed: list[tuple[float, int, float, float | None]] = []
         self.false: dict[int, tuple[int, int]] = {}
         self.never: set[int] = set()
 
     def fly(self, day: int, flying: list[str]) -> None:
-        """Fly a day, and store how each aircraft then stands."""
+        """Fly a day, and store each aircraft's state after it."""
         start = BEGIN + timedelta(days=day, hours=3)
         stored_us = us_of(start + timedelta(hours=1))
         logs, rows = [], []
@@ -195,7 +195,7 @@ class Year:
                 self.repaired[aircraft][name] = start - timedelta(hours=1)
             part.level, part.begin = float(self.rng.uniform(0.20, 0.25)), 0
             part.flown, part.recorded = 1, bool(self.rng.random() < 0.5)
-            part.told, part.since = None, start.isoformat()
+            part.warned, part.since = None, start.isoformat()
         return judged(part, name, self.rng)
 
     def count(self, aircraft: str, found: tuple[Standing, ...]) -> None:
@@ -206,15 +206,15 @@ class Year:
                 self.never.add(id(part))
                 if one.growth and id(part) not in self.false:
                     self.false[id(part)] = (one.flights, part.swap if part.flown >= part.swap else 0)
-            elif part.knows(one) and part.told is None and truth < float("inf"):
-                part.told = truth
+            elif part.knows(one) and part.warned is None and truth < float("inf"):
+                part.warned = truth
             if 0 < truth <= 10:
                 since = part.flown - part.begin
                 self.early.setdefault(part.growth, []).append((since, part.knows(one)))
             if left and 0 < truth < float("inf"):
                 self.inside.append(left.low <= truth <= (left.high or float("inf")))
             if -1 < truth <= 0:  # the flight on which it crosses the limit
-                self.crossed.append((part.growth, part.begin, part.scatter, part.told))
+                self.crossed.append((part.growth, part.begin, part.scatter, part.warned))
             if part.truth > DEGRADED:
                 self.counts["flights above"] += 1
                 self.counts["above, alone normal"] += SEVERITY[one.last] <= 0
@@ -228,21 +228,21 @@ class Year:
         print(f"{flights} flights of {len(self.fleet)} aircraft; {dict(self.counts)}")
         for growth, several in sorted({0.0: [*chain(*self.early.values())], **self.early}.items()):
             whose = f"growth of {growth} a flight" if growth else "all growth"
-            slow = [told for since, told in several if since >= 20]
+            slow = [known for since, known in several if since >= 20]
             print(
-                f"looks at most 10 flights before the limit, {whose}: {len(several)}, told"
-                f" {mean([told for _, told in several])}; it has grown for 20 flights or more: {len(slow)},"
-                f" told {mean(slow)}"
+                f"looks at most 10 flights before the limit, {whose}: {len(several)},"
+                f" reported {mean([known for _, known in several])}; it has grown for 20 flights or more:"
+                f" {len(slow)}, reported {mean(slow)}"
             )
-        told = [left or 0.0 for *_, left in self.crossed]
-        at_least = ", ".join(f"{k} {mean([left >= k for left in told])}" for k in (1, 5, 10, 20))
-        print(f"crossings of the limit: {len(told)}; told so many flights before: {at_least}")
-        print(f"  flights before, median {np.median(told or [0]):.0f}")
+        warned = [left or 0.0 for *_, left in self.crossed]
+        at_least = ", ".join(f"{k} {mean([left >= k for left in warned])}" for k in (1, 5, 10, 20))
+        print(f"crossings of the limit: {len(warned)}; reported so many flights before: {at_least}")
+        print(f"  flights before, median {np.median(warned or [0]):.0f}")
         for growth, begin, scatter, left in sorted(self.crossed, key=lambda one: one[:3]):
             before = "not before" if left is None else f"{max(left, 0):.0f} flights before"
             print(f"  {growth} a flight from flight {begin}, scatter {scatter:.0%}: {before}")
         print(f"flights left to degraded, truth inside: {mean(self.inside)} of {len(self.inside)} looks")
-        print(f"actuators without growth: {len(self.never)}, growth told of {len(self.false)}")
+        print(f"actuators without growth: {len(self.never)}, growth reported of {len(self.false)}")
         for flights, swap in self.false.values():
             print(f"  after {flights} flights" + (f", swapped at flight {swap}" if swap else ""))
         one = mean([count == 1 for count in lines])

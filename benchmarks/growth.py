@@ -1,9 +1,9 @@
 """Growth over flights, asked after every flight: ``python benchmarks/growth.py [--histories N]``.
 
 Histories of one friction, N·m, as `mavhums trend` sees them: a level of 0.225, a scatter from flight to
-flight of 3, 5 or 10 %, errors of measurement, a limit at 0.375. With growth: how many are told 10, 5 and
-1 flights before the limit; how many intervals of the flights left hold the truth. Then repairs that nobody
-recorded. Without growth: how many of the histories of 200 flights ever get one. Seeds below 1000 were used
+flight of 3, 5 or 10 %, errors of measurement, a limit at 0.375. With growth: how many are reported 10, 5
+and 1 flights before the limit; how many intervals of the flights left hold the truth. Then unrecorded
+repairs. Without growth: how many of the histories of 200 flights ever get one. Seeds below 1000 were used
 for development.
 """
 
@@ -86,7 +86,7 @@ def _reported(
     histories: int, first: int, share: float, begin: int, flights: int
 ) -> tuple[list[float], list[bool]]:
     """Return the shares that report growth 10, 5 and 1 flights before, and which intervals hold the truth."""
-    told = np.zeros((histories, 3))
+    reported = np.zeros((histories, 3))
     inside: list[bool] = []
     n = begin + flights
     for seed in range(histories):
@@ -95,11 +95,11 @@ def _reported(
         scatter, errors = history(rng, truth, share, "normal")
         for k, left in enumerate((10, 5, 1)):
             one = look(truth, scatter, errors, n - left)
-            told[seed, k] = one is not None and one.grows
+            reported[seed, k] = one is not None and one.grows
             if one is not None and one.grows and left == 5:
                 low, _, high = one.flights_left(LIMIT)
                 inside.append(low <= left <= high)
-    return told.mean(axis=0).tolist(), inside
+    return reported.mean(axis=0).tolist(), inside
 
 
 def repaired(histories: int, first: int) -> None:
@@ -119,7 +119,7 @@ def repaired(histories: int, first: int) -> None:
                 )
             )
         print(
-            f"  {share:.0%}: step told after {np.median(steps):.0f} flights (median), most {max(steps)};"
+            f"  {share:.0%}: step reported after {np.median(steps):.0f} flights (median), most {max(steps)};"
             f" growth again after {np.median(again):.0f}, most {max(again)}",
             flush=True,
         )

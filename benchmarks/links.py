@@ -26,8 +26,8 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
     with (folder / "truth.csv").open(newline="") as file:
-        told = [agrees(folder, row) for row in csv.DictReader(file)]
-    print(f"\n{sum(told)} of {len(told)} logs agree within 2 s and 2 %")
+        agreements = [agrees(folder, row) for row in csv.DictReader(file)]
+    print(f"\n{sum(agreements)} of {len(agreements)} logs agree within 2 s and 2 %")
 
 
 def agrees(folder: Path, truth: dict[str, str]) -> bool:

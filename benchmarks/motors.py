@@ -56,7 +56,7 @@ class Case(NamedTuple):
 
 
 def signals(flown: Flown, rates: Rates, seed: int) -> Iterator[Signal]:
-    """Yield what a log of these rates tells of a flight."""
+    """Yield what a log of these rates records of a flight."""
     rng = np.random.default_rng([seed, 6])
 
     def signal(name: str, rate_hz: float, values: np.ndarray) -> Signal:

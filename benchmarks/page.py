@@ -170,11 +170,11 @@ def main(logs: tuple[Path, ...], folder: Path | None, store: Path | None) -> Non
         growing = simulated(Path(temporary))
         begin = time.monotonic()
         with served() as page:
-            told = time.monotonic() - begin
+            printed = time.monotonic() - begin
             answers(page)
             first = time.monotonic() - begin
             ready(page)
-            print(f"address told after {told:.1f} s, page answers after {first:.1f} s,")
+            print(f"address printed after {printed:.1f} s, page answers after {first:.1f} s,")
             print(f"judging processes ready after at most {time.monotonic() - begin:.0f} s")
             own, workers = memory(page)
             print(f"memory, ready: page {own:.0f} MB, each judging process {max(workers):.0f} MB")

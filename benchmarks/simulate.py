@@ -52,7 +52,7 @@ def models(runs: int) -> None:
 
 
 def peak_current(name: str, record: FlightRecord) -> float:
-    """Stand for a consumer that keeps little of the arrays."""
+    """Imitate a consumer that keeps little of the arrays."""
     return max(float(np.abs(actuator.values[:, 4]).max()) for actuator in record.actuators.values())
 
 

@@ -21,7 +21,7 @@ from mavhums_sim.rover import SteeringFault, draw_rover, drive, encoded
 
 HZ = (4.0, 10.0, 25.0)
 FAULTS = {"−50 %": (0.5, False), "no motion": (0.0, False), "frozen": (1.0, True)}
-_STANDS_S = 15.0
+_REST_S = 15.0
 
 
 class Case(NamedTuple):
@@ -53,7 +53,7 @@ def case(seed: int, fault: str, seconds: float) -> Case:
     [verdict] = [v for v in engine.assessment().verdicts if v.subject == "axis"]
     first = alarms[0] if alarms else None
     return Case(
-        boat, hz, fault, failed.start_s + _STANDS_S, first.time_s if first else np.nan,
+        boat, hz, fault, failed.start_s + _REST_S, first.time_s if first else np.nan,
         first.fault if first else "", first.rule if first else "", verdict.condition, seed,
     )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """Accuracy of the predicted remaining useful life in flights: ``python benchmarks/trend.py [--quick]``.
 
 Synthetic histories of one indicator: a line, a standard deviation of 0.008 N·m between flights, of normal
-or heavy tails, and measurement errors of 0.0014 to 0.0036 N·m. Counts how often growth is told, and how
+or heavy tails, and measurement errors of 0.0014 to 0.0036 N·m. Counts how often growth is reported, and how
 many of the intervals of the flights left contain the true value. benchmarks/growth.py has growth that is
 none, growth that begins late, and unrecorded repairs.
 """
@@ -67,7 +67,7 @@ def left(rng: np.random.Generator, n: int, wear: Array, tails: str) -> tuple[flo
 
 def coverage(histories: int) -> Table:
     """Wear has used a part of the margin to the limit; the truth is where the line reaches it."""
-    table = titled("Flights left", "scatter between flights", "flights", "wear, N·m", "told", "truth inside")
+    table = titled("Flights left", "scatter of flights", "flights", "wear, N·m", "reported", "truth inside")
     for tails in TAILS:
         for n in (8, 20, 60):
             for worn in (0.25, 0.4):
@@ -75,8 +75,8 @@ def coverage(histories: int) -> Table:
                 slope = worn / n
                 truth = (EMERGENCY - START) / slope - n
                 wear = slope * np.arange(1.0, n + 1)
-                told = [one for _ in range(histories) if (one := left(rng, n, wear, tails))]
-                inside = [low <= truth <= high for low, _, high in told]
+                reported = [one for _ in range(histories) if (one := left(rng, n, wear, tails))]
+                inside = [low <= truth <= high for low, _, high in reported]
                 hit = f"{100 * np.mean(inside):.1f} %" if len(inside) > histories / 20 else "—"
                 table.add_row(tails, str(n), f"{worn:.2f}", share(len(inside), histories), hit)
     return table
