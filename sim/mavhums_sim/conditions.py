@@ -42,7 +42,7 @@ FAULTS = {
     "slow": Fault("1", "speed lost by the controller, as a share of its gain and rate limit", 0.5, 1.0),
     "supply_sag": Fault("V", "supply voltage lost", 26.0, 26.0),
     "sensor_bias": Fault("°", "error of the output shaft's position sensor", 10.0),
-    "jam": Fault("N·m", "torque that holds the output shaft; beyond the stall torque it stands", 10.0),
+    "jam": Fault("N·m", "torque that holds the output shaft; beyond the stall torque it stops", 10.0),
 }
 
 

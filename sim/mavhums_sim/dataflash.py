@@ -160,9 +160,9 @@ def _kinds(record: FlightRecord, epoch_us: int) -> Iterator[Kind]:
 
 
 def _opening(flight: Flight) -> Iterator[Kind]:
-    told = parameters()
-    names, values = np.array([name for name, _ in told], dtype="S16"), np.array([v for _, v in told])
-    yield records("PARM", np.zeros(len(told)), Name=names, Value=values, Default=values)
+    rows = parameters()
+    names, values = np.array([name for name, _ in rows], dtype="S16"), np.array([v for _, v in rows])
+    yield records("PARM", np.zeros(len(rows)), Name=names, Value=values, Default=values)
     texts = np.array(["ArduPlane V4.7.0 (simulated)", board(flight)], dtype="S64")
     yield records("MSG", np.zeros(texts.size), Message=texts)
     announced = np.arange(0.0, flight.duration_s, 10.0, dtype=np.float64)
@@ -171,7 +171,7 @@ def _opening(flight: Flight) -> Iterator[Kind]:
 
 
 def gps(time_s: Array, epoch_us: int) -> Kind:
-    """Return fixes at these times; they tell the time of day."""
+    """Return fixes at these times; they give the time of day."""
     utc_us = epoch_us + np.rint(time_s * 1e6).astype(np.int64)
     weeks, milliseconds = np.divmod((utc_us - _GPS_EPOCH_US) // 1000 + _LEAP_S * 1000, _WEEK_MS)
     # The fix is of a whole millisecond; the record is stamped when it was valid.

@@ -150,7 +150,7 @@ class ActuatorRecord:
         return np.interp(times, self.motion.time_s, heated)
 
     def stuck(self, parameters: EmaParameters, times: Array) -> NDArray[np.bool_]:
-        """Return whether the ESC calls its motor stuck at other times: it has current, and stands."""
+        """Return whether the ESC calls its motor stuck at other times: it has current, and does not move."""
         amperes, speed = np.abs(self.esc[:, 1:]).T
         held = (amperes >= _STUCK_LIMIT * parameters.current_limit) & (speed < _STUCK_RPM)
         free_s = np.maximum.accumulate(np.where(held, -np.inf, self.time_s))

@@ -20,9 +20,9 @@ DEAD_BAND_DEG = 0.4
 
 
 def preflight(seed: int, duration_s: float = 100.0, dead_band_deg: float = DEAD_BAND_DEG) -> Cyclogram:
-    """Return the pre-flight check: the aircraft stands, and each surface in turn moves to full deflection.
+    """Return the pre-flight check: at rest, the aircraft moves each surface in turn to full deflection.
 
-    Each surface moves twice to either side at 10…15 °/s, with rests in between; the others stand still.
+    Each surface moves twice to either side at 10…15 °/s, with rests in between; the others do not move.
     """
     rng, time = _begin(seed, duration_s)
     zero = np.zeros_like(time)

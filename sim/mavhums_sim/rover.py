@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 LOGGED_HZ: Final = 50
 _STEPS: Final = 2  # per logged sample
 _DT: Final = 1.0 / (LOGGED_HZ * _STEPS)
-_STANDS_S: Final = 15.0
+_REST_S: Final = 15.0
 _ARDUPILOT: Final = 3
 _ARMED: Final = 128 + 1
 _AUTO: Final = 10
@@ -227,7 +227,7 @@ def _drive(settings: Array, rng: np.random.Generator, rows: Array) -> None:
 def encoded(
     driven: Driven, rate_hz: float = 10.0, seed: int = 0, *, parameters: Mapping[str, float] = PARAMETERS
 ) -> bytes:
-    """Return the drive's ``.tlog``: parameters come first, and the vehicle stands for 15 s.
+    """Return the drive's ``.tlog``: parameters come first, and the vehicle is at rest for 15 s.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def encoded(
         Those that the ground station downloads.
     """
     rng = np.random.default_rng([seed, 8])
-    end_s = _STANDS_S + driven.time_s[-1]
+    end_s = _REST_S + driven.time_s[-1]
     beats = np.arange(0.0, end_s, 1.0)
     count = len(parameters)
     values = {
@@ -262,8 +262,8 @@ def encoded(
     def sampled(hz: float) -> tuple[Array, NDArray[np.int64], Array]:
         times = np.arange(rng.uniform(0, 1 / hz), end_s - 0.1, 1 / hz)
         times = np.clip(times + rng.uniform(-0.1, 0.1, times.size) / hz, 0.0, None)
-        rows = np.clip(((times - _STANDS_S) * LOGGED_HZ).astype(np.int64), 0, driven.time_s.size - 1)
-        return times, rows, (times >= _STANDS_S).astype(float)
+        rows = np.clip(((times - _REST_S) * LOGGED_HZ).astype(np.int64), 0, driven.time_s.size - 1)
+        return times, rows, (times >= _REST_S).astype(float)
 
     tables = [
         Table("HEARTBEAT", beats, heartbeat),

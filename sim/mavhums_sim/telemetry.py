@@ -152,14 +152,14 @@ def _streams(record: FlightRecord) -> list[Stream]:
         return sample_times(rng, flight.duration_s, rate_hz)
 
     announced = np.arange(0.0, flight.duration_s, 10.0, dtype=np.float64)
-    told = parameters()
+    rows = parameters()
     streams = [
         Stream(np.arange(0.0, flight.duration_s, 1.0, dtype=np.float64), lambda _: _heartbeat()),
         Stream(announced, lambda _: mavlink.MAVLink_statustext_message(6, b"mavhums airframe=paper")),
         Stream(np.full(1, 0.1), lambda _: mavlink.MAVLink_statustext_message(6, board(flight).encode())),
         Stream(
-            0.2 + 0.005 * np.arange(len(told), dtype=np.float64),
-            lambda k: mavlink.MAVLink_param_value_message(told[k][0].encode(), told[k][1], 9, len(told), k),
+            0.2 + 0.005 * np.arange(len(rows), dtype=np.float64),
+            lambda k: mavlink.MAVLink_param_value_message(rows[k][0].encode(), rows[k][1], 9, len(rows), k),
         ),
         _aircraft_state(record, at(flight.rates.attitude)),
         _air_data(record, at(flight.rates.air_data)),

@@ -34,7 +34,7 @@ FUNCTIONS: Final = {f"SERVO{k + 1}_FUNCTION": 33.0 + k for k in range(8)}
 """The parameters that put each motor on the output of its number."""
 _SCALE_MG: Final = 1000 / 9.80665
 _SOFTWARE: Final = "ArduCopter V4.5.7 (simulated)"
-_ARMED_S, _STANDS_S = 5.0, 12.0
+_ARMED_S, _REST_S = 5.0, 12.0
 """The log begins on the ground: parameters come before the flight."""
 
 
@@ -73,7 +73,7 @@ def report(flown: Flown, rates: Rates, seed: int) -> list[Table]:
     rng = np.random.default_rng([seed, 6])
     frame, motors = flown.craft.frame, flown.craft.gains.size
     numbers = _numbers(flown)
-    beats = np.arange(0.0, _STANDS_S + flown.time_s[-1], 1.0)
+    beats = np.arange(0.0, _REST_S + flown.time_s[-1], 1.0)
     heartbeat = {
         "type": frame.mav_type,
         "autopilot": _ARDUPILOT,
@@ -139,7 +139,7 @@ def _speeds(flown: Flown, rate_hz: float, seed: int) -> list[Table]:
         part = speeds[:, first : first + 4]
         rpm[:, : part.shape[1]], voltage[:, : part.shape[1]] = part, 1480.0
         columns = {"rpm": whole(rpm), "voltage": whole(voltage)}
-        tables.append(Table(f"ESC_TELEMETRY_{first + 1}_TO_{first + 4}", time_s + _STANDS_S, columns))
+        tables.append(Table(f"ESC_TELEMETRY_{first + 1}_TO_{first + 4}", time_s + _REST_S, columns))
     return tables
 
 
@@ -182,12 +182,12 @@ def write_dataflash(
         records("PARM", np.zeros(len(numbers)), Name=names, Value=np.array(list(numbers.values()))),
         records("MSG", start, Message=_SOFTWARE.encode()),
         records("MODE", start, Mode=_LOITER, ModeNum=_LOITER, Rsn=1),
-        records("STAT", seconds, isFlying=seconds >= _STANDS_S, Armed=seconds >= _ARMED_S),
+        records("STAT", seconds, isFlying=seconds >= _REST_S, Armed=seconds >= _ARMED_S),
         gps(seconds, EPOCH_US),
     ]
     for kind in esc_records(flown, rates.esc, seed) if rates.esc else []:
-        kind.rows["TimeUS"] += np.uint64(round(_STANDS_S * 1e6))
-        kinds.append(kind._replace(time_s=kind.time_s + _STANDS_S))
+        kind.rows["TimeUS"] += np.uint64(round(_REST_S * 1e6))
+        kinds.append(kind._replace(time_s=kind.time_s + _REST_S))
     time_s, rows = sampled(rng, log, rates.outputs)
     sent_us = pulses(log.command[rows])
     kinds.append(records("RCOU", time_s, **{f"C{k + 1}": sent_us[:, k] for k in range(sent_us.shape[1])}))
@@ -212,7 +212,7 @@ def _numbers(flown: Flown) -> dict[str, float]:
 
 def _with_ground(flown: Flown) -> Flown:
     """Return the flight with the wait on the ground before it, motors at idle."""
-    rows = int(_STANDS_S * LOGGED_HZ)
+    rows = int(_REST_S * LOGGED_HZ)
 
     def before(values: Array, fill: Array) -> Array:
         return np.concatenate([np.broadcast_to(fill, (rows, values.shape[1])), values])
