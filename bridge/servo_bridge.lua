@@ -90,10 +90,10 @@ local function look_for_servos(now_ms)
          found[#found + 1] = known[index] or new_servo(index, number)
       end
    end
-   -- Other servos or other parameters, another rate: it is measured and told anew.
-   local told = string.format("%d %g %g %.0f %.0f", #found, RATE:get(), LINK:get(), MASK:get(), SEND:get())
-   if told ~= report.told then
-      report = { told = told, start_ms = now_ms, samples = 0, bytes = 0, waits = 0, turns = 0, due = #found > 0 }
+   -- Other servos or other parameters, another rate: it is measured and reported anew.
+   local setup = string.format("%d %g %g %.0f %.0f", #found, RATE:get(), LINK:get(), MASK:get(), SEND:get())
+   if setup ~= report.setup then
+      report = { setup = setup, start_ms = now_ms, samples = 0, bytes = 0, waits = 0, turns = 0, due = #found > 0 }
       due_ms = nil
    end
    servos = found

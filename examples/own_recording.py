@@ -19,7 +19,7 @@ def main(path: str, recording: str, airframe: str | None = None) -> None:
 
     histories = mavhums.actuators(mavhums.read_log(path), airframe)
     if not histories:
-        raise mavhums.MavhumsError(f"{path}: carries nothing of the actuators", f"mavhums inspect {path}")
+        raise mavhums.MavhumsError(f"{path}: contains no data of the actuators", f"mavhums inspect {path}")
     stream = rr.RecordingStream("own_recording")
     stream.save(recording)
     for name, history in histories.items():

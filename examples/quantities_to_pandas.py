@@ -19,7 +19,7 @@ def main(path: str, picture: str, airframe: str | None = None) -> pd.DataFrame:
     """Return one table of all actuators, indexed by actuator and time (UTC); plot it to a PNG."""
     histories = mavhums.actuators(mavhums.read_log(path), airframe)
     if not histories:
-        raise mavhums.MavhumsError(f"{path}: carries nothing of the actuators", f"mavhums inspect {path}")
+        raise mavhums.MavhumsError(f"{path}: contains no data of the actuators", f"mavhums inspect {path}")
     table = pd.concat({name: history.frame for name, history in histories.items()}, names=["actuator"])
     print(table.groupby("actuator")[["V1", "V3", "V5", "V7"]].agg(["min", "max"]).round(3).to_string())
     for name, history in histories.items():

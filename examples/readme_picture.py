@@ -2,7 +2,7 @@
 
     python examples/readme_picture.py flight.rrd picture.png
 
-The conditions of every actuator stand above the worst one's friction against its limits. It needs what
+The conditions of every actuator are above the worst one's friction against its limits. It needs what
 ``examples/picture.py`` needs, and a POSIX shell.
 """
 

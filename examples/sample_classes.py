@@ -81,14 +81,14 @@ def simulated(folder: Path) -> Iterator[list[Panel]]:
 
 def samples(frame: pd.DataFrame, title: str) -> Panel:
     """Return the classes of samples within what the network has seen, and print the share of emergencies."""
-    told = frame[frame["inside"] & np.isfinite(frame["p_emergency"])]
-    emergency, moves = told["class"] == "emergency", told["V7"].abs() > MOVING_REV_MIN
+    inside = frame[frame["inside"] & np.isfinite(frame["p_emergency"])]
+    emergency, moves = inside["class"] == "emergency", inside["V7"].abs() > MOVING_REV_MIN
     share = 100 * emergency[moves].mean()
     print(
         f"{title.replace(chr(10), '; ')}: {share:.1f} % of the samples in motion, "
         f"{100 * emergency.mean():.1f} % of all are an emergency"
     )
-    classes = told.set_index("flight_time_s")["class"]
+    classes = inside.set_index("flight_time_s")["class"]
     return f"{title}: {share:.1f} % in motion an emergency", classes, ("normal", "emergency")
 
 

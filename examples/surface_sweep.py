@@ -2,7 +2,7 @@
 
     python examples/surface_sweep.py udpin:0.0.0.0:14550 [--px4] [--strokes 5] [--seconds 5]
 
-The aircraft stands on the ground, disarmed. ArduPilot is set to MANUAL and gets the sticks' positions
+The aircraft is on the ground, disarmed. ArduPilot is set to MANUAL and gets the sticks' positions
 (RC_CHANNELS_OVERRIDE; outputs must be free, so press the safety switch first); PX4 gets
 MAV_CMD_ACTUATOR_TEST for its servos. Record V1–V12 meanwhile, then: ``mavhums check LOG``. It stops as soon
 as the vehicle is armed, and gives the sticks back.
