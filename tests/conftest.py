@@ -133,8 +133,8 @@ def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> R
             code = 0
         except SystemExit as stop:
             code = int(stop.code or 0)
-        out, told = capfd.readouterr()
-        err = "".join(line for line in told.splitlines(keepends=True) if _COMPILING not in line)
+        out, printed = capfd.readouterr()
+        err = "".join(line for line in printed.splitlines(keepends=True) if _COMPILING not in line)
         return Outcome(code, out, err)
 
     return call

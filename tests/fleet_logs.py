@@ -59,6 +59,6 @@ def moved(log: bytes, seconds: float) -> bytes:
 
 
 def nameless(log: bytes) -> bytes:
-    """Return a log without the texts that tell the board."""
-    told = b"4D415648 "
-    return b"".join(struct.pack(">Q", time) + frame for time, frame in records(log) if told not in frame)
+    """Return a log without the texts that name the board."""
+    board = b"4D415648 "
+    return b"".join(struct.pack(">Q", time) + frame for time, frame in records(log) if board not in frame)

@@ -47,7 +47,7 @@ def test_the_class_of_each_sample_is_drawn(
 
 @pytest.mark.slow
 def test_selectors_compose_with_the_models_of_scikit_learn() -> None:
-    """Algorithm 1 keeps what tells the conditions apart, and networks beat a fixed polynomial."""
+    """Algorithm 1 keeps what separates the conditions, and networks beat a fixed polynomial."""
     pytest.importorskip("torch")
     results = selectors_in_a_pipeline.main(seconds=4.0)
     assert len(results) == 6
@@ -74,7 +74,7 @@ def test_analyse_a_log_counts_what_needs_work(growing_log: Path, capsys: pytest.
     assert "friction 1." in printed
 
 
-def test_analyse_a_log_says_why_it_cannot_tell(growing_log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_analyse_a_log_says_why_undecided(growing_log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     profile = Path(__file__).parents[1] / "examples" / "profiles" / "csrv.toml"
     assert analyse_a_log.main(str(growing_log), str(profile)) == 0
     assert "because the profile has no [actuators.ema]" in capsys.readouterr().out
@@ -146,7 +146,7 @@ def test_quantities_go_into_pandas_and_a_plot(
 
 
 @pytest.mark.slow
-def test_wear_over_flights_tells_the_flights_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wear_over_flights_gives_the_flights_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     report = wear_over_flights.main(str(tmp_path), 16)
     assert not report.unshown
     worst = report.trends[0]

@@ -162,8 +162,8 @@ def _summary(values: list[Any]) -> Any:
         arrays = [np.asarray(value, dtype=np.float64) for value in known]
         columns = [one.reshape(len(one), -1) if one.ndim > 1 else one.reshape(-1, 1) for one in arrays]
         column = np.concatenate(columns)
-        told = [column[np.isfinite(column[:, k]), k] for k in range(column.shape[1])]
-        return [[len(one), one.mean(), one.std(), one.min(), one.max()] for one in told if len(one)]
+        known = [column[np.isfinite(column[:, k]), k] for k in range(column.shape[1])]
+        return [[len(one), one.mean(), one.std(), one.min(), one.max()] for one in known if len(one)]
     return None
 
 
@@ -203,8 +203,8 @@ def test_of_an_axis(name: str) -> None:
     monitor = AxisMonitor(1, mixed={"roll": coupled, coupled: "roll"} if coupled else None)
     events = list(monitor.feed(flight))
     found = {axis: dumped(monitor.findings(axis)) for axis in ("roll", "pitch", "yaw")}
-    told = {"seconds": condensed(seconds), "events": condensed(events), "origins": monitor.origins()}
-    hold(f"axis {name}", told | {"found": found})
+    figures = {"seconds": condensed(seconds), "events": condensed(events), "origins": monitor.origins()}
+    hold(f"axis {name}", figures | {"found": found})
 
 
 def test_of_growth_and_scatter() -> None:
@@ -279,11 +279,11 @@ def test_of_what_a_flight_leaves_of_a_servo() -> None:
     found: list[Any] = [test_own_judge.HEALTHY[0].records[0]]
     found += [test_strokes.left(test_strokes.swept(3), one) for one in (TWO_WAYS, ROUGHNESS, RIPPLE)]
     found += [collected(VoltageSums(blank()), Servo().flown(5)), left(Servo(load_friction=0.2), 30)]
-    told = []
+    dumps = []
     for record in found:
         groups = np.array(record.groups)
-        told.append(dumped(record.model_copy(update={"groups": ()})) | {"sums": groups.sum(axis=0).tolist()})
-    hold("records", told)
+        dumps.append(dumped(record.model_copy(update={"groups": ()})) | {"sums": groups.sum(axis=0).tolist()})
+    hold("records", dumps)
 
 
 def test_of_a_servos_motor() -> None:

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 PAPER = load_airframe("paper")
 
 
-def told(**values: float) -> Parameters:
+def ardupilot(**values: float) -> Parameters:
     return Parameters(1, False, values)
 
 
@@ -38,10 +38,10 @@ def texts(airframe: Airframe, parameters: Parameters) -> list[str]:
     return [found.text for found in contradictions(airframe, parameters)]
 
 
-def test_a_function_is_told_with_both_values() -> None:
+def test_a_function_is_reported_with_both_values() -> None:
     of_px4 = px4(PWM_MAIN_FUNC2=201.0, CA_SV_CS0_TYPE=3.0, PWM_MAIN_FUNC3=101.0)
     for parameters, logged in (
-        (told(SERVO2_FUNCTION=19, SERVO3_FUNCTION=70), ("SERVO2_FUNCTION = 19", "throttle")),
+        (ardupilot(SERVO2_FUNCTION=19, SERVO3_FUNCTION=70), ("SERVO2_FUNCTION = 19", "throttle")),
         (of_px4, ("PWM_MAIN_FUNC2 = 201, CA_SV_CS0_TYPE = 3", "motor 1")),
     ):
         aileron, elevator = contradictions(PAPER, parameters)
@@ -67,11 +67,11 @@ def test_a_function_is_told_with_both_values() -> None:
         ("left flap", 4, False),
         ("", 19, True),  # the profile does not say what it is
         ("trim tab", 19, True),
-        *(("elevator", open_, True) for open_ in (0, 1, 51, 94, 1234)),  # the log does not tell what it moves
+        *(("elevator", open_, True) for open_ in (0, 1, 51, 94, 1234)),  # the log does not say what it moves
     ],
 )
 def test_what_moves_the_same_axis_agrees(surface: str, function: float, agrees: bool) -> None:
-    assert (texts(one(surface), told(SERVO2_FUNCTION=function)) == []) is agrees
+    assert (texts(one(surface), ardupilot(SERVO2_FUNCTION=function)) == []) is agrees
 
 
 def test_surfaces_that_px4_does_not_name_contradict_nothing() -> None:
@@ -97,7 +97,7 @@ def test_an_output_that_leaves_the_calibrated_range_contradicts(
 ) -> None:
     profile = one("elevator", pwm_us=(own_us[0], 1500, own_us[1]))
     found = contradictions(
-        profile, told(SERVO2_FUNCTION=19, **{f"SERVO2_{end}": us for end, us in ends.items()})
+        profile, ardupilot(SERVO2_FUNCTION=19, **{f"SERVO2_{end}": us for end, us in ends.items()})
     )
     assert [one.key for one in found] == ["pwm_us"] * (not agrees)
     for contradiction in found:
@@ -137,7 +137,7 @@ def test_only_the_direction_beside_one_another_counts(
 ) -> None:
     values = {"SERVO1_FUNCTION": 4.0, "SERVO5_FUNCTION": 4.0}
     values |= {f"SERVO{n}_REVERSED": float(r) for n, r in zip((1, 5), reversed_, strict=True)}
-    found = contradictions(pair(left, right), told(**values))
+    found = contradictions(pair(left, right), ardupilot(**values))
     assert (found == ()) is agrees
     if not agrees:
         assert found[0].key == "travel_deg"
@@ -145,7 +145,7 @@ def test_only_the_direction_beside_one_another_counts(
 
 
 def test_outputs_without_travel_take_the_logs_directions_beside_the_first() -> None:
-    values = told(SERVO1_FUNCTION=4, SERVO5_FUNCTION=4, SERVO1_REVERSED=1, SERVO5_REVERSED=0)
+    values = ardupilot(SERVO1_FUNCTION=4, SERVO5_FUNCTION=4, SERVO1_REVERSED=1, SERVO5_REVERSED=0)
     surfaces = present(reconciled(pair(None, None), values))
     assert [moved.half_us for moved in surfaces.of_axis("roll")] == [400.0, -400.0]
     assert surfaces.confirmed == {"roll"}
@@ -153,7 +153,7 @@ def test_outputs_without_travel_take_the_logs_directions_beside_the_first() -> N
 
 def test_a_contradicted_axis_takes_the_logs_outputs_and_the_others_the_profiles() -> None:
     values = {"SERVO1_FUNCTION": 4, "SERVO2_FUNCTION": 19, "SERVO3_FUNCTION": 70, "SERVO4_FUNCTION": 21}
-    surfaces = present(reconciled(PAPER, told(**values, SERVO9_FUNCTION=4)))
+    surfaces = present(reconciled(PAPER, ardupilot(**values, SERVO9_FUNCTION=4)))
     assert [moved.servo for moved in surfaces.of_axis("roll")] == [1, 9]
     assert [moved.servo for moved in surfaces.of_axis("pitch")] == [2]
     assert [(m.servo, m.half_us) for m in surfaces.of_axis("yaw")] == [(4, 500.0)]
@@ -161,22 +161,22 @@ def test_a_contradicted_axis_takes_the_logs_outputs_and_the_others_the_profiles(
     assert surfaces.confirmed == {"yaw"}
 
 
-def test_a_contradicted_axis_of_which_the_log_tells_nothing_has_no_outputs() -> None:
-    surfaces = present(reconciled(PAPER, told(SERVO2_FUNCTION=70)))
+def test_a_contradicted_axis_of_which_the_log_records_nothing_has_no_outputs() -> None:
+    surfaces = present(reconciled(PAPER, ardupilot(SERVO2_FUNCTION=70)))
     assert surfaces.of_axis("roll") == ()
     assert [moved.servo for moved in surfaces.of_axis("pitch")] == [3]
     assert "throttle" in surfaces.contradicted["roll"]
 
 
 def test_an_axis_that_the_profile_leaves_out_takes_the_logs_outputs() -> None:
-    surfaces = present(reconciled(one("elevator"), told(SERVO1_FUNCTION=4, SERVO2_FUNCTION=19)))
+    surfaces = present(reconciled(one("elevator"), ardupilot(SERVO1_FUNCTION=4, SERVO2_FUNCTION=19)))
     assert [moved.servo for moved in surfaces.of_axis("roll")] == [1]
     assert surfaces.by_log == {"roll"}
     assert not surfaces.contradicted
 
 
 def test_the_simulators_parameters_agree_with_the_papers_profile() -> None:
-    assert texts(PAPER, told(**dict(simulated()))) == []
+    assert texts(PAPER, ardupilot(**dict(simulated()))) == []
 
 
 def test_the_bridges_profile_agrees_with_an_aircraft_wired_like_it() -> None:
@@ -184,7 +184,7 @@ def test_the_bridges_profile_agrees_with_an_aircraft_wired_like_it() -> None:
     functions = {"left aileron": 4, "right aileron": 4, "elevator": 19, "rudder": 21}
     wired = {a.servo: {"FUNCTION": functions[a.surface], "MIN": 1100, "MAX": 1900} for a in bridge.actuators}
     values = {f"SERVO{n}_{key}": value for n, one in wired.items() for key, value in one.items()}
-    assert texts(bridge, told(**values)) == []
+    assert texts(bridge, ardupilot(**values)) == []
 
 
 SURFACES = st.sampled_from([0, 1, 2, 4, 16, 19, 21, 24, 33, 70, 77, 78, 79, 80, 86, 110])
@@ -192,7 +192,7 @@ PULSES = st.integers(800, 2200).map(float)
 
 
 @st.composite
-def ardupilot(draw: st.DrawFn) -> Parameters:
+def ardupilots(draw: st.DrawFn) -> Parameters:
     values: dict[str, float] = {}
     kinds = {"MIN": PULSES, "MAX": PULSES, "TRIM": PULSES, "REVERSED": st.sampled_from([0.0, 1.0])}
     for n in range(1, draw(st.integers(1, 8)) + 1):
@@ -212,7 +212,7 @@ def of_px4(draw: st.DrawFn) -> Parameters:
     return Parameters(1, True, values)
 
 
-@given(parameters=st.one_of(ardupilot(), of_px4()))
+@given(parameters=st.one_of(ardupilots(), of_px4()))
 def test_a_profile_drafted_from_a_log_never_contradicts_it(parameters: Parameters) -> None:
     outputs = control_surfaces(parameters)
     if not outputs:

@@ -53,9 +53,9 @@ def test_magnitudes_find_their_signs(flown: tuple[Array, Array]) -> None:
     values = deriver.complete(aligned(given, "esc-unsigned", signed=False, rate=rate))
     clear = (np.abs(current) > 0.02) & (np.abs(rpm) > 150)
     assert np.array_equal(np.sign(values[clear, V["V7"]]), np.sign(speed[clear]))
-    told = np.isfinite(values[:, V["V5"]])
-    assert told[clear & (np.abs(rpm) > 400)].all()
-    clear &= told
+    known = np.isfinite(values[:, V["V5"]])
+    assert known[clear & (np.abs(rpm) > 400)].all()
+    clear &= known
     assert np.array_equal(np.sign(values[clear, V["V5"]]), np.sign(current[clear]))
     strong = clear & (np.abs(voltage) > 0.3)
     assert np.array_equal(np.sign(values[strong, V["V4"]]), np.sign(voltage[strong]))
@@ -68,7 +68,7 @@ def test_magnitudes_find_their_signs(flown: tuple[Array, Array]) -> None:
 @pytest.mark.parametrize(
     ("volts", "amperes", "rpm", "command_deg_s", "speed"),
     [
-        (5.66, 0.25, 0.0, 0.0, 0.0),  # at standstill no voltage tells which way the current flows
+        (5.66, 0.25, 0.0, 0.0, 0.0),  # at standstill no voltage shows the current's direction
         (5.0, 0.1, 600.0, 12.0, 600.0),
         (5.0, 0.1, 600.0, -60.0, np.nan),  # the command does not explain the speed
         (5.0, 0.1, 0.0, np.nan, 0.0),
@@ -88,7 +88,7 @@ def bus(actuator: Actuator) -> Actuator:
     return actuator.model_copy(update={"esc_side": "bus", "electronics_a": 0.05})
 
 
-def test_a_bus_side_esc_tells_the_motors_power_and_no_more() -> None:
+def test_a_bus_side_esc_shows_the_motors_power_and_no_more() -> None:
     speed = np.array([100.0, -100.0, 80.0, -80.0])
     current = np.array([0.4, -0.4, -0.3, 0.3])
     power = motor(current, speed) * current
@@ -101,7 +101,7 @@ def test_a_bus_side_esc_tells_the_motors_power_and_no_more() -> None:
     assert deriver.dropped == {"V4", "V5"}
 
 
-def test_a_bus_side_esc_without_signs_tells_nothing() -> None:
+def test_a_bus_side_esc_without_signs_shows_nothing() -> None:
     given = {"V4": np.full(2, 27.0), "V5": np.full(2, 0.1), "V7": np.full(2, 600.0)}
     sent = aligned(given, "esc-unsigned", signed=False, rate=np.full(2, 12.0))
     values = Deriver(bus(ACTUATOR)).complete(sent)

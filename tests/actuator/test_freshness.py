@@ -1,4 +1,4 @@
-"""Quantities that a log repeats, and currents without a sign, are told from samples."""
+"""Quantities that a log repeats, and currents without a sign, are not samples."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def test_the_richest_tier_counts(messages: str, marked: tuple[str, ...], tier: s
     assert (best and best.name) == tier
 
 
-def test_content_tells_the_tiers_that_names_do_not() -> None:
+def test_content_shows_the_tiers_that_names_do_not() -> None:
     named = v2.MAVLink_named_value_float_message
     tables = sent(array_message(3, [1.0] * 12), named(0, b"S1Pos", 1.0))
     assert tiers_by_content(tables) == {(1, "instrumented")}

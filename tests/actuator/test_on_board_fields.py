@@ -99,8 +99,8 @@ def test_what_the_log_does_not_define_is_named(
 
 
 def test_a_record_that_the_log_does_not_have_gives_no_telemetry(run: Run, card: Path, tmp_path: Path) -> None:
-    told = run("inspect", card, "--airframe", profile(tmp_path, "V3", "SERV", "Pos"))
-    assert told.code == ExitCode.OK
+    outcome = run("inspect", card, "--airframe", profile(tmp_path, "V3", "SERV", "Pos"))
+    assert outcome.code == ExitCode.OK
     verdicts = mavhums.analyse(card, mavhums.Options(airframe=tmp_path / "mine.toml")).verdicts
     [verdict] = [each for each in verdicts if each.subject == "actuator"]
     assert verdict.condition in ("undecided", "unmonitored")

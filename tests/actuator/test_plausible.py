@@ -74,10 +74,10 @@ def test_what_was_taken_out_is_shown(judged_with: Callable[..., Assessment]) -> 
     count = elevator(assessment).coverage.implausible["V7"]
     console = Console(width=120, file=StringIO())
     render(assessment, console)
-    told = f"{count} of V7"
+    text = f"{count} of V7"
     assert isinstance(console.file, StringIO)
-    assert told in console.file.getvalue()
-    assert told in markdown(assessment)
+    assert text in console.file.getvalue()
+    assert text in markdown(assessment)
 
 
 def test_values_of_another_unit_are_named(judged_with: Callable[..., Assessment]) -> None:
@@ -89,7 +89,7 @@ def test_values_of_another_unit_are_named(judged_with: Callable[..., Assessment]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("current", [0.0, 0.5])
-def test_a_current_that_stands_still_shows_no_friction(
+def test_a_current_that_does_not_change_shows_no_friction(
     judged_with: Callable[..., Assessment], current: float
 ) -> None:
     """The torque of a frozen sensor balances with a friction of nothing, and no residual at all."""

@@ -70,23 +70,23 @@ def test_doubtful_signs_do_not_make_the_current_smaller(
     """
     sent, current = flight(np.random.default_rng(4), speed_deg_s=speeds, resistance=resistance)
     values = Deriver(ACTUATOR).complete(sent)
-    told = np.isfinite(values[:, V5]) & (sent.command_rate != 0)
-    assert told[sent.utc_us > 20_000_000].mean() > 0.02
-    later = told & (sent.utc_us > 20_000_000)
+    known = np.isfinite(values[:, V5]) & (sent.command_rate != 0)
+    assert known[sent.utc_us > 20_000_000].mean() > 0.02
+    later = known & (sent.utc_us > 20_000_000)
     along = np.sign(sent.command_rate)
     shown = (values[:, V5] * along)[later].mean() / (current * along)[later].mean()
     assert shown == pytest.approx(1.0, abs=0.03)
 
 
-def test_which_signs_are_told_does_not_depend_on_the_current() -> None:
+def test_which_signs_are_known_does_not_depend_on_the_current() -> None:
     """A selection by the current, or by what noise makes of it, would bias the friction."""
     sent, current = flight(np.random.default_rng(5), speed_deg_s=(2.0, 8.0))
     values = Deriver(ACTUATOR).complete(sent)
     moving = sent.command_rate != 0
-    told = np.isfinite(values[:, V5])
-    assert 0.2 < told[moving].mean() < 0.8
+    known = np.isfinite(values[:, V5])
+    assert 0.2 < known[moving].mean() < 0.8
     size = np.abs(current)
-    assert size[moving & told].mean() == pytest.approx(size[moving & ~told].mean(), rel=0.01)
+    assert size[moving & known].mean() == pytest.approx(size[moving & ~known].mean(), rel=0.01)
     noise = np.abs(values[:, V5]) - size
     assert np.nanmean(noise[moving]) == pytest.approx(0.0, abs=0.001)
 

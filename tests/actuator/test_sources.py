@@ -45,8 +45,8 @@ def ulog(topic: str, wire: str, *rows: tuple[Any, ...]) -> bytes:
     )
 
 
-def of_ulog(*told: Any) -> Tables:
-    return Decoder().feed(ulog(*told), final=True)
+def of_ulog(*messages: Any) -> Tables:
+    return Decoder().feed(ulog(*messages), final=True)
 
 
 def of_dataflash(name: str, letters: str, columns: str, *rows: tuple[Any, ...]) -> Tables:
@@ -101,7 +101,7 @@ def test_escs_of_px4_give_signed_voltage_current_and_speed() -> None:
     assert values[np.isfinite(values[:, 6])][0, [3, 4, 6]].tolist() == [24.0, 3.0, 200.0]
 
 
-def test_a_servo_on_dronecan_is_counted_from_one_and_tells_its_speed() -> None:
+def test_a_servo_on_dronecan_is_counted_from_one_and_reports_its_speed() -> None:
     letters, columns = "QBfffBfffffB", "TimeUS,Id,Pos,Force,Speed,Pow,PosCmd,V,A,MotT,PCBT,Err"
     tables = of_dataflash("CSRV", letters, columns, (3, 12.0, 0.5, 60.0, 40, *[nan] * 5, 0))
     values, provenance, _ = mapped(tables)

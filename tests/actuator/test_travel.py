@@ -35,7 +35,7 @@ def tables(angle_deg: np.ndarray[tuple[int], np.dtype[np.float64]], rows: slice)
 
 @pytest.mark.parametrize("cuts", [(), (7, 700, 701, 2000)])
 @pytest.mark.parametrize(("jam_s", "worst"), [(np.inf, "undecided"), (40.0, "emergency"), (0.0, "undecided")])
-def test_a_position_that_stands_while_the_pulse_moves_is_a_jam(
+def test_a_position_at_rest_while_the_pulse_moves_is_a_jam(
     jam_s: float, worst: str, cuts: tuple[int, ...]
 ) -> None:
     """The scale is negative and has an offset; of a shaft that never followed there is none."""

@@ -75,7 +75,7 @@ def test_a_healthy_flight_is_normal_beside_its_baseline(folder: Path) -> None:
     assert (gain.baseline_flights, gain.needed_flights) == (6, 5)
 
 
-def test_a_surface_that_stands_deflected_from_the_start_is_found(folder: Path) -> None:
+def test_a_surface_that_is_deflected_from_the_start_is_found(folder: Path) -> None:
     verdict = roll(judged(folder, log(folder, 32, trim=0.2)))
     assert (verdict.condition, verdict.suspects[0].fault) == ("degraded", "hard_over")
     assert "20 % of the full demand more to the right" in verdict.evidence[0].rule

@@ -64,15 +64,15 @@ def test_several_processes_say_the_same_in_the_same_order(logs: list[Path], tmp_
 
 @pytest.mark.slow
 def test_an_error_hides_no_emergency_and_json_has_both(run: Run, logs: list[Path], growing_log: Path) -> None:
-    told = [run("analyse", logs[3], growing_log, logs[0], "--json", "--jobs", jobs) for jobs in "12"]
-    assert told[0] == told[1]
-    assert told[0].code == ExitCode.EMERGENCY
-    assert "03.tlog" in told[0].err
-    content = json.loads(told[0].out)
+    outcomes = [run("analyse", logs[3], growing_log, logs[0], "--json", "--jobs", jobs) for jobs in "12"]
+    assert outcomes[0] == outcomes[1]
+    assert outcomes[0].code == ExitCode.EMERGENCY
+    assert "03.tlog" in outcomes[0].err
+    content = json.loads(outcomes[0].out)
     assert [one["log"]["path"] for one in content["assessments"]] == [str(growing_log), str(logs[0])]
     assert [one["log"] for one in content["failures"]] == [str(logs[3])]
     assert content["failures"][0]["remedy"]
-    assert told[0].out == json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+    assert outcomes[0].out == json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
 def test_what_nobody_expected_is_its_logs_outcome(logs: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -152,9 +152,9 @@ def busy(logs: list[Path]) -> subprocess.Popen[str]:
 
 def test_ctrl_c_ends_processes_and_leaves_whole_json(logs: list[Path], busy: subprocess.Popen[str]) -> None:
     os.killpg(busy.pid, signal.SIGINT)
-    rest, told = busy.communicate(timeout=60)
+    rest, errors = busy.communicate(timeout=60)
     assert busy.returncode == 130
-    assert "Traceback" not in told
+    assert "Traceback" not in errors
     assert rest.endswith('],\n  "failures": []\n}\n')
 
 

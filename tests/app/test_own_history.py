@@ -71,8 +71,8 @@ def test_ten_flights_are_learnt_and_the_eleventh_is_judged(run: Run, flown: Path
     assert Assessment.model_validate_json(first.to_json()).to_json() == first.to_json()
     healthy = log_of(flown / "logs", 20)
     given = ("--airframe", flown / "blank.toml", "--store", flown / "flights", "--aircraft", "=D-A")
-    told = run("analyse", healthy, *given)
-    words = " ".join(told.out.split())
+    outcome = run("analyse", healthy, *given)
+    words = " ".join(outcome.out.split())
     assert "elevator: unchanged" in words
     assert re.search(r"a rise of \d+% would have been found", words)
     worn = run("analyse", log_of(flown / "logs", 21, 0.2), *given)
@@ -82,7 +82,7 @@ def test_ten_flights_are_learnt_and_the_eleventh_is_judged(run: Run, flown: Path
 
 
 @pytest.mark.slow
-def test_a_recording_shows_what_only_the_comparison_told(flown: Path) -> None:
+def test_a_recording_shows_what_only_the_comparison_found(flown: Path) -> None:
     options = mavhums.Options(airframe=flown / "blank.toml", store=flown / "flights", aircraft="=D-A")
     path = flown / "worn.rrd"
     assessment = mavhums.analyse(log_of(flown / "logs", 31, 0.2), options, recording=path)

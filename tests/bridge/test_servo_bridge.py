@@ -156,7 +156,7 @@ def test_the_reached_rate_is_reported_once_and_again_when_a_parameter_changes() 
     assert re.match(r"HUMS: 2 servos, 25\.[01] Hz, ", fast)
 
 
-def test_slow_servos_are_told_from_a_slow_link() -> None:
+def test_slow_servos_differ_from_a_slow_link() -> None:
     autopilot = steady(0, every_ms=100)
     autopilot.parameters = {"HUMS_RATE": 25.0}
     autopilot.run(15.0)

@@ -76,21 +76,21 @@ def test_a_network_that_takes_the_winding_for_friction(
     assert 5.0 <= network["first_emergency_s"] < 15.0
     assert 0.5 < network["share_of_samples"] <= 1.0
     kinds = {item["kind"] for item in verdict["evidence"]}
-    told = flat(run("analyse", wound, *options).out)
+    text = flat(run("analyse", wound, *options).out)
     if decide == "network":
         assert outcome.code == ExitCode.EMERGENCY
         assert (verdict["condition"], faults) == ("emergency", {"friction", "winding_resistance"})
         assert "network" in kinds
         assert "friction" not in kinds
-        assert "elevator: the network by-voltage decides, not the physics: " in told
-        assert "windows are friction emergency" in told
+        assert "elevator: the network by-voltage decides, not the physics: " in text
+        assert "windows are friction emergency" in text
     else:
         assert outcome.code == ExitCode.DEGRADED
         assert (verdict["condition"], faults) == ("degraded", {"winding_resistance"})
         assert "network" not in kinds
     disagrees = "; by the physics: winding resistance"
-    assert (disagrees in told) == (decide == "both")
-    assert ("the network by-voltage" in told) == (decide != "physics")
+    assert (disagrees in text) == (decide == "both")
+    assert ("the network by-voltage" in text) == (decide != "physics")
 
 
 def test_report_and_markdown_say_it_in_one_sentence(
@@ -149,8 +149,8 @@ def test_where_they_agree_the_verdict_is_the_same(run: Run, worn: Path, decide: 
     if evidence:  # from when on the network says so, and not the last window alone
         assert [item["rule"].split(":")[0] for item in evidence] == ["degraded", "emergency"]
         assert evidence[1]["start_s"] == pytest.approx(28.9, abs=8.0)
-    told = "the network paper-instrumented agrees"
-    assert (told in flat(run("analyse", worn, "--decide", decide).out)) == (decide == "both")
+    sentence = "the network paper-instrumented agrees"
+    assert (sentence in flat(run("analyse", worn, "--decide", decide).out)) == (decide == "both")
 
 
 def test_fewer_windows_than_must_agree_are_undecided_with_the_reason(run: Run, short_log: Path) -> None:

@@ -1,4 +1,4 @@
-"""A program that is told to end leaves no half-written file, hidden or not."""
+"""A program that is asked to end leaves no half-written file, hidden or not."""
 
 from __future__ import annotations
 

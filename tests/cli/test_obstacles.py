@@ -1,4 +1,4 @@
-"""The obstacle that is named is the one that stands in the way, and inspect and analyse agree on it."""
+"""The obstacle that is named is the one in the way, and inspect and analyse agree on it."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_a_propellers_esc_is_named_as_such(run: Run, tmp_path: Path) -> None:
     assert run("inspect", log, "--airframe", profile).out.startswith("Nothing can be judged")
 
 
-def test_a_multirotor_is_told_that_it_has_no_surfaces(run: Run, tmp_path: Path) -> None:
+def test_a_multirotor_has_no_surfaces_as_its_reason(run: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "x.tlog", sent(QUADROTOR, esc=True))
     _, verdict = both(run, log)
     assert run("inspect", log).out.startswith("Nothing can be judged")

@@ -23,13 +23,13 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_inspect_says_what_it_holds(run: Run, log: Path) -> None:
-    told = json.loads(run("inspect", log, "--json").out)
-    assert told["assessment"]["log"]["start_utc"].startswith("2026-01-01T09:00:00")
-    [vehicle] = told["vehicles"]
+    content = json.loads(run("inspect", log, "--json").out)
+    assert content["assessment"]["log"]["start_utc"].startswith("2026-01-01T09:00:00")
+    [vehicle] = content["vehicles"]
     assert (vehicle["vehicle"], vehicle["airframe"], vehicle["tier"]) == (1, "paper", "csrv")
-    elevator = next(a for a in told["assessment"]["verdicts"] if a["actuator"] == "elevator")
+    elevator = next(a for a in content["assessment"]["verdicts"] if a["actuator"] == "elevator")
     assert elevator["provenance"]["V3"] == "CSRV[2].Pos"
-    rates = {message["name"]: message["rate_hz"] for message in told["messages"]}
+    rates = {message["name"]: message["rate_hz"] for message in content["messages"]}
     assert rates["CSRV"] == pytest.approx(200, abs=5)
 
 
@@ -37,10 +37,10 @@ def test_analyse_judges_it(run: Run, log: Path, tmp_path: Path) -> None:
     recording = tmp_path / "flight.rrd"
     outcome = run("analyse", log, "--json", "--rrd", recording)
     assert outcome.code == 11
-    told = json.loads(outcome.out)
-    assert told["log"]["format"] == "dataflash"
-    assert told["log"]["flight"][0]["board"] == "4D415648554D5353494D0001"
-    conditions = {verdict["actuator"]: verdict["condition"] for verdict in told["verdicts"]}
+    content = json.loads(outcome.out)
+    assert content["log"]["format"] == "dataflash"
+    assert content["log"]["flight"][0]["board"] == "4D415648554D5353494D0001"
+    conditions = {verdict["actuator"]: verdict["condition"] for verdict in content["verdicts"]}
     assert conditions["elevator"] == "emergency"
     assert recording.stat().st_size > 10_000
 

@@ -54,7 +54,7 @@ FULL = "mavhums: cannot write the standard output: No space left on device"
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full and a shell of POSIX")
 @pytest.mark.parametrize(
-    ("command", "code", "told"),
+    ("command", "code", "lines"),
     [
         ("analyse {} | head -c 3", ExitCode.EMERGENCY, []),
         ("analyse {} > /dev/full", ExitCode.EMERGENCY, [FULL]),
@@ -64,7 +64,7 @@ FULL = "mavhums: cannot write the standard output: No space left on device"
     ],
 )
 def test_the_exit_code_is_that_of_the_verdict_whoever_reads_it(
-    growing_log: Path, command: str, code: ExitCode, told: list[str] | None
+    growing_log: Path, command: str, code: ExitCode, lines: list[str] | None
 ) -> None:
     """The output is a pipe whose reader ends, a full disk, or closed from the start."""
     program = f"{sys.executable} -m mavhums {command.format(growing_log)}; echo ${{PIPESTATUS[0]}} >&3"
@@ -73,7 +73,7 @@ def test_the_exit_code_is_that_of_the_verdict_whoever_reads_it(
     )
     assert int(done.stdout.removeprefix("e").splitlines()[-1][-2:]) == code
     assert "Traceback" not in done.stderr
-    assert told is None or done.stderr.splitlines() == told
+    assert lines is None or done.stderr.splitlines() == lines
 
 
 def test_hostile_names_reach_no_terminal(run: Run, tmp_path: Path, short_log: Path) -> None:
@@ -134,7 +134,7 @@ def test_formulas_are_texts_in_a_spreadsheet(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_several_logs_are_told_apart(run: Run, short_log: Path, growing_log: Path, tmp_path: Path) -> None:
+def test_several_logs_are_named(run: Run, short_log: Path, growing_log: Path, tmp_path: Path) -> None:
     absent = tmp_path / "absent.tlog"
     outcome = run("analyse", short_log, absent, growing_log, "--verbose")
     assert outcome.code == ExitCode.EMERGENCY, "an error in one log must not hide an emergency in another"
@@ -169,7 +169,7 @@ def test_what_the_link_lost_is_not_lost_of_the_file() -> None:
     )
 
 
-def test_of_several_logs_what_is_not_normal_is_told(run: Run, short_log: Path, growing_log: Path) -> None:
+def test_of_several_logs_what_is_not_normal_is_shown(run: Run, short_log: Path, growing_log: Path) -> None:
     several = run("analyse", short_log, growing_log).out
     assert [line for line in several.splitlines() if line.startswith("===")] == [f"=== {growing_log} ==="]
     assert "What to do: do not fly" in several

@@ -24,7 +24,7 @@ MODELS = f"name one of {', '.join(mavhums.models())}, or train one"
 
 
 @pytest.mark.parametrize(
-    ("command", "code", "told"),
+    ("command", "code", "text"),
     [
         ("analyse", USAGE, "Missing argument"),
         ("fly", USAGE, "No such command"),
@@ -67,20 +67,20 @@ MODELS = f"name one of {', '.join(mavhums.models())}, or train one"
         ("serve --port 0 --model paper-ecs", ERROR, MODELS),
     ],
 )
-def test_what_is_wrong_is_told_in_one_line_and_leaves_every_file_as_it_was(
-    run: Run, short_log: Path, healthy_log: Path, tmp_path: Path, command: str, code: ExitCode, told: str
+def test_what_is_wrong_is_said_in_one_line_and_leaves_every_file_as_it_was(
+    run: Run, short_log: Path, healthy_log: Path, tmp_path: Path, command: str, code: ExitCode, text: str
 ) -> None:
     log = Path(shutil.copy(short_log, tmp_path))
     places = {"log": log, "other": healthy_log, "folder": tmp_path, "profile": PROFILE}
     outcome = run(*shlex.split(command.format(**places)))
     assert outcome.code == code
-    assert told.format(**places) in outcome.err
+    assert text.format(**places) in outcome.err
     assert not re.search(r"Traceback|\.part\b", outcome.err)
     assert [*tmp_path.iterdir()] == [log]
     assert log.read_bytes() == short_log.read_bytes()
 
 
-def test_a_taken_port_is_told(run: Run) -> None:
+def test_a_taken_port_is_reported(run: Run) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

@@ -10,7 +10,7 @@ from mavhums.core.errors import ExitCode
 from tests.conftest import REAL_LOGS, Run
 
 
-def test_a_growing_fault_is_told_with_its_curve(run: Run, growing_log: Path, tmp_path: Path) -> None:
+def test_a_growing_fault_is_shown_with_its_curve(run: Run, growing_log: Path, tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     code, out, _ = run("report", growing_log, "-o", page)
     assert code == ExitCode.EMERGENCY

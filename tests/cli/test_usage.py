@@ -29,7 +29,7 @@ def by_name(usage: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {output["name"]: output for output in usage["outputs"] if output["name"]}
 
 
-def test_analyse_tells_the_use_of_every_surface(run: Run, log: Path) -> None:
+def test_analyse_prints_the_use_of_every_surface(run: Run, log: Path) -> None:
     outcome = run("analyse", log, "--verbose")
     assert re.search(r"Usage: fixed wing, ArduPilot; armed 2m29s, forward flight 2m2\ds", outcome.out)
     for surface in ("elevator", "rudder"):
@@ -46,8 +46,8 @@ def test_analyse_tells_the_use_of_every_surface(run: Run, log: Path) -> None:
 
 @pytest.mark.slow
 def test_inspect_says_what_can_be_judged_before_one_tries(run: Run, log: Path) -> None:
-    told = json.loads(run("inspect", log, "--json").out)["assessment"]
-    assert told["verdicts"] == json.loads(run("analyse", log, "--json").out)["verdicts"]
+    found = json.loads(run("inspect", log, "--json").out)["assessment"]
+    assert found["verdicts"] == json.loads(run("analyse", log, "--json").out)["verdicts"]
     text = " ".join(run("inspect", log).out.split())
     assert text.startswith("Roll control can be judged; pitch and yaw control and wear of aileron (servo 1)")
     assert "roll control: moved by aileron (servo 1)" in text
@@ -100,7 +100,7 @@ def test_the_jammed_flight_of_alfa(run: Run) -> None:
     ("name", "servo", "commanded"),
     [("onboard/mavrik464.BIN", 7, False), ("onboard/sample_log_small.ulg", 2, True)],
 )
-def test_on_board_logs_tell_it_too(run: Run, name: str, servo: int, commanded: bool) -> None:
+def test_on_board_logs_show_it_too(run: Run, name: str, servo: int, commanded: bool) -> None:
     [usage] = json.loads(run("inspect", REAL_LOGS / name, "--json").out)["assessment"]["usage"]
     [output] = [one for one in usage["outputs"] if one["servo"] == servo]
     assert output["commanded"] is commanded

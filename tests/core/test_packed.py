@@ -86,7 +86,7 @@ def test_what_is_packed_twice_is_read(inner: Any, outer: Any, tmp_path: Path) ->
         ("outer.zip", "this is a zip archive"),
     ],
 )
-def test_what_cannot_be_read_is_told(name: str, said: str, tmp_path: Path) -> None:
+def test_what_cannot_be_read_is_reported(name: str, said: str, tmp_path: Path) -> None:
     several = zipped(tmp_path / "several.zip", ("a.ulg", LOG), ("b.ulg", LOG)).read_bytes()
     (tmp_path / "bad.zip").write_bytes(several.replace(b"PK\x01\x02", b"PK\x01\x03"))
     (tmp_path / "flight.ulg").write_bytes(LOG)
@@ -166,7 +166,7 @@ def test_the_standard_input_may_be_compressed(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("compress", COMPRESSORS.values())
-def test_a_cut_or_damaged_stream_is_told(compress: Any, tmp_path: Path) -> None:
+def test_a_cut_or_damaged_stream_is_reported(compress: Any, tmp_path: Path) -> None:
     whole = compress(LOG)
     damaged = bytearray(whole)
     damaged[len(whole) // 2] ^= 0xFF

@@ -68,7 +68,7 @@ def test_a_known_motion_has_the_statistics_of_its_physics() -> None:
 
 @given(st.floats(0.05, 0.4), st.integers(0, 1000))
 @settings(max_examples=20, deadline=None)
-def test_friction_is_told_apart_from_load_drag_and_inertia(friction: float, seed: int) -> None:
+def test_friction_is_separate_from_load_drag_and_inertia(friction: float, seed: int) -> None:
     found = statistics(slot(moments(friction=friction, seed=seed)))
     assert found["V5|V11 way"] == pytest.approx(friction, rel=0.05)
 
@@ -101,15 +101,15 @@ def test_a_window_of_too_few_samples_shows_nothing() -> None:
         assert shows_something(sums[None]).tolist() == [shown]
 
 
-def test_what_is_not_measured_is_missing_and_what_stands_is_zero() -> None:
+def test_what_is_not_measured_is_missing_and_what_is_at_rest_is_zero() -> None:
     for key in CARRIED:
         needing = {name for name, needs in WINDOW_FEATURES.items() if key in needs}
-        # A shaft that stands has sums of 0, also of what the log carries in too few samples.
+        # A shaft at rest has sums of 0, also of what the log carries in too few samples.
         for count, expected in ((COUNT // 2, set[str]()), (COUNT // 2 - 1, needing)):
             still = statistics(slot(moments()[:0], **{key: count}))
             assert {name for name, value in still.items() if np.isnan(value)} == expected
             assert still["V5|V3 way"] == 0.0
-    # What the samples in motion carry, those that stand need not.
+    # What the samples in motion carry, those at rest need not.
     found = statistics(slot(moments(), V4=COUNT // 2 - 1))
     assert {name for name, value in found.items() if np.isnan(value)} == {"V4 all rms", "V4 peak"}
     samples = moments()

@@ -84,7 +84,7 @@ def test_a_lost_aileron_is_found_without_any_configuration() -> None:
 def test_outputs_that_nothing_names_are_inferred_from_the_flight() -> None:
     assessment, changes = judged(flown(parameters=False))
     roll = of(assessment, "roll")
-    assert roll.surfaces == ("servo 1 (moves with roll)",), "which surface that is, nothing tells"
+    assert roll.surfaces == ("servo 1 (moves with roll)",), "nothing names the surface"
     assert any(change.finding.endswith("servo 1?") for change in changes)
     names = [verdict.actuator for verdict in assessment.verdicts if verdict.subject == "actuator"]
     assert names == ["servo 1 (moves with roll)"]
@@ -105,7 +105,7 @@ def test_outputs_that_nothing_names_are_inferred_from_the_flight() -> None:
         ({"armed": False}, "never_armed"),
     ],
 )
-def test_what_cannot_be_judged_is_told_why_in_one_line(options: dict[str, float], code: str) -> None:
+def test_what_cannot_be_judged_has_its_reason_in_one_line(options: dict[str, float], code: str) -> None:
     assessment, changes = judged(flown(**options))  # type: ignore[arg-type]
     [axes] = [v for v in assessment.verdicts if v.subject != "actuator"]
     assert (axes.condition, axes.reason_codes) == ("undecided", (code,))
@@ -114,7 +114,7 @@ def test_what_cannot_be_judged_is_told_why_in_one_line(options: dict[str, float]
 
 
 def test_a_frozen_output_is_no_evidence() -> None:
-    """Servo 1 is overridden: its output stands, and so does the aircraft."""
+    """Servo 1 is overridden: neither its output nor the aircraft moves."""
     link, frozen = v2.MAVLink(None, srcSystem=1, srcComponent=1), b""
     for time_us, frame in records(flown(left=0.0)):
         if frame[7] == 36 and time_us >= START_US + 90_000_000:

@@ -45,9 +45,9 @@ LOGS: dict[str, tuple[Callable[[], bytes], dict[str, Any]]] = {
         {"models": packaged_models()},
     ),
     "axes": (flown, DRAWN),
-    "late": (Wired(seconds=130, told_s=97.3, texts=NAMED).tlog, {}),
+    "late": (Wired(seconds=130, sent_s=97.3, texts=NAMED).tlog, {}),
     "motion": (Wired(seconds=130, parameters={}).tlog, {"airframe": PAPER}),
-    "withdrawn": (Wired(seconds=150, coordinated_s=100.0, told_s=120.4).tlog, {"airframe": SWAPPED} | DRAWN),
+    "withdrawn": (Wired(seconds=150, coordinated_s=100.0, sent_s=120.4).tlog, {"airframe": SWAPPED} | DRAWN),
     "rover": (lambda: encoded(driven(SteeringFault(200.0, 0.5))), DRAWN),
     "quad": (lambda: hovered(0.5), DRAWN),
     **{path.name: (path.read_bytes, {}) for path in carried_logs()},
@@ -59,11 +59,11 @@ def whole(name: str) -> tuple[bytes, Assessment, dict[Any, Any]]:
     made, options = LOGS[name]
     content = made()
     assessment, events = judged([content], **options)
-    return content, assessment, canonical(told(assessment, events))
+    return content, assessment, canonical(all_events(assessment, events))
 
 
-def told(assessment: Assessment, events: list[Event]) -> list[Event]:
-    """Return what is told but for the answers to single samples, whose last digits may differ."""
+def all_events(assessment: Assessment, events: list[Event]) -> list[Event]:
+    """Return all events but the answers to single samples, whose last digits may differ."""
     kept = [event for event in events if not isinstance(event, Classified)]
     return kept + cast(list[Event], [*assessment.events])
 
@@ -77,4 +77,4 @@ def test_neither_a_verdict_nor_an_event_depends_on_the_blocks(name: str, data: s
     content, assessment, events = whole(name)
     again, pieces = judged(blocks(content, data.draw(cuts(len(content)))), **LOGS[name][1])
     assert again.to_json() == assessment.to_json()
-    assert canonical(told(again, pieces)) == events
+    assert canonical(all_events(again, pieces)) == events

@@ -43,7 +43,7 @@ def test_the_lost_axis_is_found_and_no_other(name: str, lost: dict[str, float]) 
     assert all(v.condition == "unmonitored" for v in assessment.verdicts if v.subject == "actuator")
 
 
-def test_an_on_board_log_tells_the_worn_servo_from_the_sound_ones() -> None:
+def test_an_on_board_log_separates_the_worn_servo_from_the_sound_ones() -> None:
     assessment = mavhums.analyse(CARRIED / "friction.BIN")
     found = {v.actuator: v for v in assessment.verdicts if v.subject == "actuator"}
     assert {name: verdict.condition for name, verdict in found.items()} == {

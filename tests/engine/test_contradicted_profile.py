@@ -1,4 +1,4 @@
-"""A profile that the log contradicts: never an emergency, from no format, however late the log tells it."""
+"""A profile that the log contradicts: never an emergency, from no format, however late the log records it."""
 
 from __future__ import annotations
 
@@ -75,9 +75,9 @@ def test_what_the_parameters_contradict_is_judged_by_them(kind: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "told_s"), [("tlog", 30.0), ("tlog", 130.0), ("BIN", 80.0), ("ulg", 168.0)])
-def test_parameters_that_arrive_late_contradict_as_well(kind: str, told_s: float) -> None:
-    verdicts, events, _ = by_profile(FORMATS[kind](Wired(told_s=told_s)))
+@pytest.mark.parametrize(("kind", "sent_s"), [("tlog", 30.0), ("tlog", 130.0), ("BIN", 80.0), ("ulg", 168.0)])
+def test_parameters_that_arrive_late_contradict_as_well(kind: str, sent_s: float) -> None:
+    verdicts, events, _ = by_profile(FORMATS[kind](Wired(sent_s=sent_s)))
     assert not alarms(events)
     assert {verdict.worst for verdict in verdicts.values()} <= NO_ALARM
     assert WRONG in str(verdicts["aileron_right"].reason)
@@ -105,8 +105,8 @@ SWAPPED = named(aileron=4, elevator=2, rudder=1)
 
 
 def corrected(flight: Wired, first: dict[str, float]) -> bytes:
-    """A log that begins with other parameters than those that the flight tells."""
-    early = records(replace(flight, parameters=first, told_s=0.0).tlog())
+    """A log that begins with other parameters than those that the flight reports."""
+    early = records(replace(flight, parameters=first, sent_s=0.0).tlog())
     late = [record for record in records(flight.tlog()) if record[1][7] == PARAM_VALUE]
     both = sorted([*early, *late], key=lambda record: record[0])
     return b"".join(time_us.to_bytes(8, "big") + frame for time_us, frame in both)
@@ -115,9 +115,9 @@ def corrected(flight: Wired, first: dict[str, float]) -> bytes:
 @pytest.mark.slow
 @pytest.mark.parametrize("airframe", [None, SWAPPED], ids=["parameters", "profile"])
 def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airframe: Airframe | None) -> None:
-    """Until 100 s rudder and aileron move together, so that nothing tells which of them the log names."""
+    """Until 100 s rudder and aileron move together, so that nothing shows which of them the log names."""
     wrong = {**PLANE, "SERVO1_FUNCTION": 21.0, "SERVO4_FUNCTION": 4.0}
-    verdicts, events, _ = by_profile(corrected(Wired(coordinated_s=100.0, told_s=140.0), wrong), airframe)
+    verdicts, events, _ = by_profile(corrected(Wired(coordinated_s=100.0, sent_s=140.0), wrong), airframe)
     changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
     assert [change.after for change in changes][-2:] == ["emergency", "unchanged"]
     assert changes[-1].time_s == 150.0
@@ -129,7 +129,7 @@ def test_an_alarm_is_withdrawn_where_the_parameters_are_corrected_after_it(airfr
 
 @pytest.mark.slow
 def test_an_alarm_that_only_a_wrong_profile_raises_is_not_reported() -> None:
-    flight = Wired(coordinated_s=100.0, told_s=140.0)
+    flight = Wired(coordinated_s=100.0, sent_s=140.0)
     verdicts, events, _ = by_profile(flight.tlog(), SWAPPED)
     assert not alarms(events)
     changes = [e for e in events if isinstance(e, ConditionChanged) and e.actuator == "roll"]
@@ -159,7 +159,7 @@ def test_a_real_loss_is_found_whether_the_profile_is_right_or_not() -> None:
 
 @pytest.mark.slow
 def test_a_surface_lost_before_take_off_is_not_laid_on_a_profile_that_the_parameters_confirm() -> None:
-    """The aircraft answers to the rudder alone: nothing but the parameters can tell the two cases apart."""
+    """The aircraft answers to the rudder alone: nothing but the parameters separates the two cases."""
     flight = Wired(left=0.0, lost_s=0)
     confirmed, _, _ = by_profile(flight.tlog(), named(aileron=1, elevator=2, rudder=4))
     assert confirmed["roll"].reason_codes == ("effect_uncertain",)
@@ -292,7 +292,7 @@ def refuted(answer: np.ndarray, output: np.ndarray, sent: dict[int, np.ndarray],
 
 
 def test_an_aileron_whose_output_stops_with_it_is_no_wrong_output() -> None:
-    """The other aileron alone answers as before, and the stopped one says nothing: the alarm stands."""
+    """The other aileron alone answers as before, and the stopped one shows nothing: the alarm remains."""
     demand = excited(180)
     lost = np.arange(len(demand)) >= 120 * 20
     both = np.where(lost, 2.0, 1.0) * demand

@@ -168,8 +168,8 @@ def test_what_the_telemetry_leaves_out_is_named(growing_record: FlightRecord) ->
         return message if message.get_type() in ("SERVO_OUTPUT_RAW", "STATUSTEXT", "ATTITUDE") else None
 
     def but_the_rudder(_: float, message: Any) -> Any:
-        told = message.get_type() == "STATUSTEXT" or (is_array(message) and message.array_id != 4)
-        return message if told else None
+        carried = message.get_type() == "STATUSTEXT" or (is_array(message) and message.array_id != 4)
+        return message if carried else None
 
     assessment = judge_records(packed(growing_record, sent=commands))
     servos = [v for v in assessment.verdicts if v.subject == "actuator"]
@@ -206,7 +206,7 @@ def test_two_vehicles_in_one_log_are_kept_apart(growing_record: FlightRecord) ->
     assert of(alone, "elevator").evidence == of(assessment, "elevator", 1).evidence
 
 
-def test_exit_codes_tell_the_worst(growing_log: Path, tmp_path: Path) -> None:
+def test_exit_codes_give_the_worst(growing_log: Path, tmp_path: Path) -> None:
     assert judge(growing_log.read_bytes()).exit_code == ExitCode.EMERGENCY
     healthy = tmp_path / "healthy.tlog"
     write_tlog(fly(Flight(seed=5, duration_s=20.0)), healthy)
@@ -279,8 +279,8 @@ def test_a_reboot_in_flight_is_reported_and_survived() -> None:
 
     record = fly(Flight(seed=22, duration_s=60.0, friction_nm={"elevator": (1.0, 1.0)}))
     assessment, events = judged(b"".join(data for _, data in packed(record, sent=rebooted)))
-    told = [e.text for e in events if isinstance(e, Notice) and not e.text.startswith("SimBoard")]
-    assert told == ["its clock jumped: it rebooted, or its time was set"]
+    notices = [e.text for e in events if isinstance(e, Notice) and not e.text.startswith("SimBoard")]
+    assert notices == ["its clock jumped: it rebooted, or its time was set"]
     elevator = of(assessment, "elevator")
     assert elevator.condition == "emergency"
     assert assessment.log.losses.broken_stamps["DEBUG_FLOAT_ARRAY"] == 2
@@ -326,7 +326,7 @@ def test_every_tier_finds_the_elevator_and_acquits_the_others(
 
 
 @pytest.mark.parametrize("tiers", [("pwm",), ("esc-unsigned",)])
-def test_a_tier_that_cannot_tell_says_so(every_tier: FlightRecord, tiers: tuple[str, ...]) -> None:
+def test_a_tier_that_shows_nothing_says_so(every_tier: FlightRecord, tiers: tuple[str, ...]) -> None:
     """Magnitudes without the command have no sign."""
     assessment = judge_records(packed(carrying(every_tier, *tiers)))
     for verdict in assessment.verdicts:

@@ -51,15 +51,15 @@ def two_vehicles() -> bytes:
 
 
 def canonical(events: Iterable[Event]) -> dict[Any, Any]:
-    """Return what is told of each subject in its order; rows that blocks cut are joined.
+    """Return the events of each subject in their order; rows that blocks cut are joined.
 
     Notices have no order: each block's come after what it judged, so two of them may swap.
     """
-    told: dict[Any, list[Any]] = {}
+    by_subject: dict[Any, list[Any]] = {}
     for event in events:
         whose = tuple(getattr(event, name, None) for name in ("vehicle", "actuator", "fault", "kind"))
-        told.setdefault((type(event).__name__, *whose), []).append(event)
-    return {key: _joined(several) for key, several in told.items()}
+        by_subject.setdefault((type(event).__name__, *whose), []).append(event)
+    return {key: _joined(several) for key, several in by_subject.items()}
 
 
 def _joined(events: list[Any]) -> Any:
@@ -77,7 +77,7 @@ def _joined(events: list[Any]) -> Any:
 
 
 @pytest.mark.slow
-def test_a_jump_of_the_clock_is_told_where_it_is() -> None:
+def test_a_jump_of_the_clock_is_reported_where_it_is() -> None:
     _, events = judged(two_vehicles(), size=4096)
     notices = [event for event in events if isinstance(event, Notice) and event.text == JUMPED]
     assert [event.vehicle for event in notices] == [2]

@@ -63,16 +63,16 @@ def test_a_transition_that_is_not_finished_is_named_with_its_seconds(
 @pytest.mark.slow
 def test_parameters_that_come_late_give_the_same_forward_flight() -> None:
     flight = Wired(parameters=TILTROTOR, others=transition())
-    late = judged(replace(flight, told_s=100.0).tlog())[0]
+    late = judged(replace(flight, sent_s=100.0).tlog())[0]
     assert late.usage[0].forward_s == judged(flight.tlog())[0].usage[0].forward_s
 
 
-def test_a_tilt_that_the_log_does_not_carry_is_told_by_the_motors_that_do_not_tilt() -> None:
+def test_a_tilt_that_the_log_does_not_carry_is_known_by_the_motors_that_do_not_tilt() -> None:
     lift = lift_of({"Q_ENABLE": 1.0, "Q_TILT_MASK": 1.0, "SERVO1_FUNCTION": 33.0, "SERVO2_FUNCTION": 34.0})
     pulses = np.array([[1900.0, 1000.0], [1900.0, 1300.0], [1900.0, np.nan]])
     assert lift.works(pulses).tolist() == [False, True, False]
     tilts_all = lift_of({"Q_ENABLE": 1.0, "Q_TILT_MASK": 3.0, "SERVO1_FUNCTION": 33.0})
-    assert tilts_all.works(pulses).all(), "hovering and flying cannot be told apart"
+    assert tilts_all.works(pulses).all(), "hovering and flying look alike"
 
 
 def test_outputs_without_pulses_are_recorded_all_the_same() -> None:

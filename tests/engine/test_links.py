@@ -3,7 +3,7 @@
 The tolerance: a sample without a stamp has a time that is known to the latency of its type only, and the grid
 begins at the time of the first reception, so seconds begin elsewhere in the flight. An alarm may begin some
 seconds earlier or later, and forward flight be longer or shorter by some. Where messages without a stamp are
-themselves late, nothing in the log tells by how much: up to 2 s and 2 s of jitter an axis that is barely
+themselves late, nothing in the log shows by how much: up to 2 s and 2 s of jitter an axis that is barely
 decided may then become undecided, and that is all.
 
 One case is not tested: where all types of one counter (``time_usec``) lag all types of the other by the same
@@ -39,17 +39,17 @@ SECONDS = st.floats(0.0, 5.0)
 ALARMS = ("degraded", "emergency")
 
 
-class Told(NamedTuple):
+class Outcome(NamedTuple):
     conditions: dict[str, str]
     alarms: list[tuple[str, str, float]]
     flown_s: float
     losses: Losses
 
 
-def judge(tlog: bytes) -> Told:
+def judge(tlog: bytes) -> Outcome:
     assessment, events = judged(tlog)
     changes = [event for event in events if isinstance(event, ConditionChanged) and event.after in ALARMS]
-    return Told(
+    return Outcome(
         {v.actuator: v.worst for v in assessment.verdicts if v.subject == "axis"},
         [(change.actuator, change.after, change.since_s) for change in changes],
         sum(use.forward_s or 0.0 for use in assessment.usage),
@@ -72,7 +72,7 @@ def flight(kind: str) -> bytes:
 
 
 @cache
-def undisturbed(kind: str) -> Told:
+def undisturbed(kind: str) -> Outcome:
     return judge(flight(kind))
 
 
@@ -83,7 +83,7 @@ def mishap(latency: dict[int, float], backlog_s: float, jitter_s: float, rate: f
     return Mishap(latency, jitter_s, backlog_s, rate, seed=1)
 
 
-def same(found: Told, expected: Told, flown_s: float = 8.0) -> None:
+def same(found: Outcome, expected: Outcome, flown_s: float = 8.0) -> None:
     """Hold what changes in no case: the alarms, when they begin, how long it flew."""
     for axis in ("roll", "pitch", "yaw"):
         times = [since_s for actuator, _, since_s in expected.alarms if actuator == axis][:1]

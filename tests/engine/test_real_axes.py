@@ -81,16 +81,16 @@ def test_no_log_is_forgotten() -> None:
 @pytest.mark.parametrize(
     ("path", "code"), [(REAL_LOGS / name, code) for name, code in UNJUDGED.items()], ids=[*UNJUDGED]
 )
-def test_what_no_fixed_wing_flew_is_told_in_one_line(path: Path, code: str) -> None:
+def test_what_no_fixed_wing_flew_has_its_reason_in_one_line(path: Path, code: str) -> None:
     [verdict] = axes(path)
     assert (verdict.actuator, verdict.condition, verdict.worst) == ("axes", "undecided", "undecided")
     assert verdict.reason_codes == (code,)
 
 
 @pytest.mark.parametrize(
-    ("path", "condition"), [(REAL_LOGS / name, told) for name, told in COPTERS.items()], ids=[*COPTERS]
+    ("path", "condition"), [(REAL_LOGS / name, state) for name, state in COPTERS.items()], ids=[*COPTERS]
 )
-def test_motors_of_multirotors_are_judged_or_the_reason_is_told(path: Path, condition: str) -> None:
+def test_motors_of_multirotors_are_judged_or_the_reason_is_given(path: Path, condition: str) -> None:
     verdicts = mavhums.analyse(path).verdicts
     assert {verdict.subject for verdict in verdicts} == {"motor"}
     assert {verdict.condition for verdict in verdicts} == {condition}
@@ -98,7 +98,7 @@ def test_motors_of_multirotors_are_judged_or_the_reason_is_told(path: Path, cond
 
 
 @pytest.mark.parametrize(
-    ("path", "conditions"), [(REAL_LOGS / name, told) for name, told in HEALTHY.items()], ids=[*HEALTHY]
+    ("path", "conditions"), [(REAL_LOGS / name, states) for name, states in HEALTHY.items()], ids=[*HEALTHY]
 )
 def test_healthy_flights_raise_no_alarm(path: Path, conditions: dict[str, str]) -> None:
     verdicts = {verdict.actuator: verdict for verdict in axes(path)}
@@ -108,7 +108,7 @@ def test_healthy_flights_raise_no_alarm(path: Path, conditions: dict[str, str]) 
 
 
 def test_half_the_aileron_is_left_in_the_seconds_of_the_jam() -> None:
-    """One aileron of two stands from second 90 to 127; the windows are ten seconds long."""
+    """One aileron of two is stuck from second 90 to 127; the windows are ten seconds long."""
     assessment, events = judged(read_blocks(REAL_LOGS / JAMMED))
     shown = [
         e for e in events if isinstance(e, Indication) and (e.actuator, e.fault) == ("roll", "effectiveness")

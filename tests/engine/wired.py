@@ -35,7 +35,7 @@ _SPEED = 18.0
 class Wired:
     """A sound aircraft: its roll rate answers to servo 1; servo 2 trims it for another speed after 100 s.
 
-    ``left`` is the part of the aileron's effect that it keeps from ``lost_s`` on, ``told_s`` when
+    ``left`` is the part of the aileron's effect that it keeps from ``lost_s`` on, ``sent_s`` when
     the parameters are sent, ``named_s`` when the texts are, and ``coordinated_s`` until when servo 4 goes
     with servo 1; ``others`` are the pulses of servos 5 to 8, in MAVLink alone. The MAVLink vehicle of this
     ``kind`` begins its flight ``day`` days later.
@@ -43,7 +43,7 @@ class Wired:
 
     seconds: int = 170
     parameters: Mapping[str, float] = field(default_factory=lambda: PLANE)
-    told_s: float = 0.0
+    sent_s: float = 0.0
     left: float = 1.0
     lost_s: int = 110
     coordinated_s: float = 0.0
@@ -76,7 +76,7 @@ class Wired:
         sent: list[tuple[float, Any]] = []
         for k, (name, value) in enumerate(self.parameters.items()):
             message = v2.MAVLink_param_value_message(name.encode(), value, 9, 9, k)
-            sent.append((self.told_s + 0.01 * k, message))
+            sent.append((self.sent_s + 0.01 * k, message))
         sent += [(self.named_s, v2.MAVLink_statustext_message(6, text)) for text in self.texts]
         for t, pulses, p in self.rows():
             ms, us = round(t * 1e3), round(t * 1e6)
@@ -115,11 +115,11 @@ class Wired:
 
         put("MSG", 0.0, b"ArduPlane V4.5.7 (0fe2a2b6)")
         put("MODE", 0.0, 10, 10, 1)
-        untold = dict(self.parameters)
+        unsent = dict(self.parameters)
         for t, pulses, p in self.rows():
-            while untold and t >= self.told_s:
-                name = next(iter(untold))
-                put("PARM", t, name.encode(), untold.pop(name))
+            while unsent and t >= self.sent_s:
+                name = next(iter(unsent))
+                put("PARM", t, name.encode(), unsent.pop(name))
             if round(t * _RATE_HZ) % _RATE_HZ == 0:
                 put("STAT", t, 1, 1.0, 1)
                 put("GPS", t, 0, 3, round(1000 * t), 2300, _SPEED, 0.0)
@@ -140,13 +140,13 @@ class Wired:
             "vehicle_local_position": "uint64_t timestamp;float vx;float vy;float z;uint8_t[4] _padding0;",
         }
         out = [writer.header(), *(writer.form(name, fields) for name, fields in topics.items())]
-        untold = [writer.parameter(name, value) for name, value in self.parameters.items()]
+        unsent = [writer.parameter(name, value) for name, value in self.parameters.items()]
         out += [writer.keyed("I", "char[3] sys_name", b"PX4"), writer.parameter("MAV_SYS_ID", 1)]
-        out += [untold.pop(0) for _ in self.parameters] if self.told_s == 0 else []
+        out += [unsent.pop(0) for _ in self.parameters] if self.sent_s == 0 else []
         out += [writer.subscribe(number, name) for number, name in enumerate(topics)]
         for t, pulses, p in self.rows():
             now = 1_000_000 + round(t * 1e6)
-            out += [untold.pop(0) for _ in self.parameters] if untold and t >= self.told_s else []
+            out += [unsent.pop(0) for _ in self.parameters] if unsent and t >= self.sent_s else []
             out.append(writer.data(0, struct.pack("<QI16f4x", now, 4, *pulses, *[0.0] * 12)))
             out.append(writer.data(1, struct.pack("<Q6f", now, p, 0.0, 0.0, 0.0, 0.0, -9.81)))
             out.append(writer.data(2, struct.pack("<Q4f", now, 1.0, 0.0, 0.0, 0.0)))

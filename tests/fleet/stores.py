@@ -73,11 +73,11 @@ def write_store(store: Path, flown: dict[str, list[Assessment]], at: datetime | 
 
 def verdicts_of(store: Path, *aircraft: str) -> dict[str, list[str]]:
     """Return the verdicts of each log as JSON, in the order of the texts."""
-    told: dict[str, list[str]] = {}
+    judged: dict[str, list[str]] = {}
     for name in aircraft:
         for log, verdict in fleet.verdicts(store, name):
-            told.setdefault(log, []).append(verdict.model_dump_json())
-    return {log: sorted(several) for log, several in told.items()}
+            judged.setdefault(log, []).append(verdict.model_dump_json())
+    return {log: sorted(several) for log, several in judged.items()}
 
 
 def table(store: str | Path, name: str) -> list[dict[str, object]]:

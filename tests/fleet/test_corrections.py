@@ -47,7 +47,7 @@ def written(folder: Path, rows: list[Row]) -> Path:
 
 
 def held(store: str | Path) -> tuple[object, ...]:
-    """All that a store says: verdicts, recordings that do not count, and how each aircraft stands."""
+    """All that a store says: verdicts, recordings that do not count, and each aircraft's state."""
     flights = {row["id"]: row["path"] for row in table(store, "flight")}
     names = {row["id"]: row["name"] for row in table(store, "aircraft")}
     verdicts = {(row["flight_id"], row["place"]): row["verdict"] for row in table(store, "record")}
@@ -172,8 +172,8 @@ def test_a_scan_brings_nothing_back_and_says_so(run: Run, logs: Path, tmp_path: 
     scan = ("fleet", "scan", logs, "--store", store, "--aircraft", "folder", "--workers", "0")
     assert run(*scan).code == 0
     gone = logs / "D-A" / "01.tlog"
-    told = run("fleet", "remove", "--store", store, gone, "--by", "Ada", "--note", "on the bench")
-    assert (told.code, told.err) == (0, "")
+    outcome = run("fleet", "remove", "--store", store, gone, "--by", "Ada", "--note", "on the bench")
+    assert (outcome.code, outcome.err) == (0, "")
     assert "nothing to do" in run("fleet", "remove", "--store", store, gone).out
     run("fleet", "move", "--store", store, logs / "D-B" / "00.tlog", "D-A", "--by", "Ada")
     run("fleet", "rename", "--store", store, "D-A", "D-X", "--by", "Ada")
@@ -202,7 +202,7 @@ def test_a_scan_brings_nothing_back_and_says_so(run: Run, logs: Path, tmp_path: 
 
 
 @pytest.mark.slow
-def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_path: Path) -> None:
+def test_a_board_that_is_not_the_aircrafts_is_reported(run: Run, logs: Path, tmp_path: Path) -> None:
     store = tmp_path / "store"
     scan = ("fleet", "scan", logs, "--store", store, "--aircraft", "folder", "--workers", "0")
     assert "board" not in run(*scan).out
@@ -220,8 +220,8 @@ def test_a_board_that_is_not_the_aircrafts_is_told(run: Run, logs: Path, tmp_pat
     assert json.loads(run(*scan, "--json").out)["foreign_boards"][0]["board"] == "0B"
     foreign("tlog")
     log = logs / "D-A" / "02.tlog"
-    told = run("analyse", log, "--store", store, "--aircraft", "folder")
-    assert "another aircraft's log" in told.out + told.err
+    outcome = run("analyse", log, "--store", store, "--aircraft", "folder")
+    assert "another aircraft's log" in outcome.out + outcome.err
     run("fleet", "move", "--store", store, log, "D-A")
     assert "another aircraft's log" not in run("analyse", log, "--store", store).out
 
@@ -259,14 +259,14 @@ def asserted(connection: Connection) -> None:
     same, other = (("0A", 0), (None, 0), ("0B", 4)), (("09", 0), ("0E", 9), ("0B", 3))
     for board, day in same + other:
         start_utc = (START + timedelta(days=day)).isoformat()
-        told = foreign_board_among(connection, "D-A", board, start_utc)
-        assert (told is not None) == ((board, day) in other)
+        notice = foreign_board_among(connection, "D-A", board, start_utc)
+        assert (notice is not None) == ((board, day) in other)
         expected = f"compared with 3 flights of D-A with the board 0A, but this log has the board {board}: "
-        assert not told or told.startswith(expected)
+        assert not notice or notice.startswith(expected)
     assert foreign_board_among(connection, "D-A", "0B", None)
     assert foreign_board_among(connection, "D-Z", "0B", None) is None
-    told = foreign_board_among(connection, "D-B", "0A", None)
-    assert str(told).startswith("compared with 3 flights of D-B")
+    notice = foreign_board_among(connection, "D-B", "0A", None)
+    assert str(notice).startswith("compared with 3 flights of D-B")
 
 
 def test_a_table_names_the_logs_of_its_boards_and_no_corrected_one(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from tests.flights import START, flown, shown, verdict
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Flights of two aircraft; how they stood is stored after 15, 24 and 40 days."""
+    """Flights of two aircraft; their states are stored after 15, 24 and 40 days."""
     folder = tmp_path_factory.mktemp("fleet") / "store"
     rng = np.random.default_rng(2)
 
@@ -45,7 +45,7 @@ def between(store: Path, first: float, last: float) -> FleetDigest:
 
 
 @pytest.mark.slow
-def test_growth_is_told_when_it_becomes_certain_and_a_finding_when_it_is_one(store: Path) -> None:
+def test_growth_is_reported_when_it_becomes_certain_and_a_finding_when_it_is_one(store: Path) -> None:
     (grows,) = between(store, 6, 25).changes
     assert (grows.kind, grows.aircraft, grows.now.condition) == ("growing", "D-G", "normal")
     (new,) = between(store, 25, 40.5).changes
@@ -69,9 +69,9 @@ def test_nothing_to_say_is_one_line(store: Path) -> None:
 
 def test_the_command_ends_with_0_whatever_is_new_unless_asked(run: Run, store: Path, tmp_path: Path) -> None:
     since = (START + timedelta(days=25)).date().isoformat()
-    told = run("fleet", "digest", "--store", store, "--since", since, "--json", "--html", tmp_path / "d.html")
-    assert told.code == ExitCode.OK
-    assert {one["kind"] for one in json.loads(told.out)["changes"]} == {"new"}
+    news = run("fleet", "digest", "--store", store, "--since", since, "--json", "--html", tmp_path / "d.html")
+    assert news.code == ExitCode.OK
+    assert {one["kind"] for one in json.loads(news.out)["changes"]} == {"new"}
     assert "<h2>New findings</h2>" in (tmp_path / "d.html").read_text(encoding="utf-8")
     news = run("fleet", "digest", "--store", store, "--since", since, "--fail-on-news")
     assert news.code == ExitCode.DEGRADED
@@ -82,7 +82,7 @@ def test_the_command_ends_with_0_whatever_is_new_unless_asked(run: Run, store: P
 
 
 @pytest.mark.slow
-def test_a_table_and_the_status_tell_the_flights_left(run: Run, store: Path, tmp_path: Path) -> None:
+def test_a_table_and_the_status_give_the_flights_left(run: Run, store: Path, tmp_path: Path) -> None:
     (growth,) = (row.standing.growth for row in worst(store) if row.standing and row.standing.growth)
     assert growth.to_emergency is not None
     assert "D-G elevator: Coulomb friction grows by 0.0" in run("fleet", "status", "--store", store).out

@@ -53,7 +53,7 @@ def expected(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [100, 40_000])
-def test_a_full_disk_is_told_and_the_scan_resumes(
+def test_a_full_disk_is_reported_and_the_scan_resumes(
     logs: Path, options: fleet.ScanOptions, expected: dict[str, list[str]], tmp_path: Path, size: int
 ) -> None:
     few = sorted(logs.iterdir())[:2]
@@ -123,8 +123,8 @@ def test_a_store_in_a_folder_that_may_not_be_written_is_read() -> None:
         assert [path.name for path in Path(folder).iterdir()] == [store.name]
 
 
-def test_a_store_that_cannot_be_reached_is_told(run: Run) -> None:
-    for address, shown, told in (
+def test_a_store_that_cannot_be_reached_is_reported(run: Run) -> None:
+    for address, shown, why in (
         ("postgresql://nobody@127.0.0.1:9/fleet", "nobody@127.0.0.1:9/fleet", "check the address"),
         ("postgresql://nobody:a@b@127.0.0.1:9/fleet", "nobody:***@127.0.0.1:9/fleet", "check the address"),
         ("postgresql://nobody@nowhere:port/fleet", "nowhere:port/fleet", "is not an address of a database"),
@@ -133,7 +133,7 @@ def test_a_store_that_cannot_be_reached_is_told(run: Run) -> None:
         outcome = run("fleet", "status", "--store", address)
         assert outcome.code == 1
         assert f"{shown}: " in outcome.err
-        assert told in outcome.err
+        assert why in outcome.err
         assert "a@b" not in outcome.err
 
 

@@ -47,13 +47,13 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def one_by_one(logs: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     """Each verdict as `analyse --keep` gives it after each landing."""
-    told: dict[str, list[str]] = {}
+    judged: dict[str, list[str]] = {}
     for aircraft in ("D-A", "D-B"):
         store = tmp_path_factory.mktemp("landed") / "store"
         for log in sorted((logs / aircraft).iterdir()):
             assessment = analyse(log, store=store, aircraft=f"={aircraft}", keep=True)
-            told[str(log)] = sorted(verdict.model_dump_json() for verdict in assessment.verdicts)
-    return told
+            judged[str(log)] = sorted(verdict.model_dump_json() for verdict in assessment.verdicts)
+    return judged
 
 
 @pytest.fixture(scope="module")
@@ -107,9 +107,9 @@ def test_broken_logs_are_rows_and_stop_nothing(
     (folder / "dangling.tlog").symlink_to(tmp_path / "nothing")
     assert fleet.scan([folder], tmp_path / "store", options) == (1, 3, 0)
     assert fleet.scan([folder], tmp_path / "store", options) == (0, 0, 4)
-    told = run("fleet", "status", "--store", tmp_path / "store")
+    outcome = run("fleet", "status", "--store", tmp_path / "store")
     for name in ("empty", "noise", "dangling"):
-        assert f"{name}.tlog" in told.out
+        assert f"{name}.tlog" in outcome.out
     assert run("fleet", "worst", "--store", tmp_path / "store").code == ExitCode.ERROR
 
 
@@ -122,9 +122,9 @@ def test_a_log_of_an_unknown_aircraft_is_held_against_no_other(
         (tmp_path / log.name).write_bytes(nameless(log.read_bytes()))
     store = tmp_path / "store"
     fleet.scan([tmp_path], store, unruled)
-    told = fleet.verdicts(store, "")
-    assert len(told) == 4 * FLIGHTS
-    assert not any(indicator.baseline for _, verdict in told for indicator in verdict.indicators)
+    judged = fleet.verdicts(store, "")
+    assert len(judged) == 4 * FLIGHTS
+    assert not any(indicator.baseline for _, verdict in judged for indicator in verdict.indicators)
     assert fleet.status(store).unknown == FLIGHTS
     assert len(fleet.worst(store)) == 4 * FLIGHTS
 
@@ -141,7 +141,7 @@ def test_an_interrupted_scan_keeps_what_it_has_and_resumes(
         fleet.scan([logs / "D-A"], tmp_path / "store", options, progress=interrupt)
     assert fleet.status(tmp_path / "store").judged == 5
     assert fleet.scan([logs / "D-A"], tmp_path / "store", options) == (FLIGHTS - 5, 0, 5)
-    expected = {log: told for log, told in one_by_one.items() if "D-A" in log}
+    expected = {log: several for log, several in one_by_one.items() if "D-A" in log}
     assert verdicts_of(tmp_path / "store", "D-A", "D-B") == expected
 
 
@@ -167,8 +167,8 @@ def test_a_store_that_cannot_be_written_says_so(
 def test_what_names_no_log_or_no_rule_is_refused(
     logs: Path, scanned: Path, options: fleet.ScanOptions, run: Run, tmp_path: Path
 ) -> None:
-    for source, told in (("none.tlog", "no such file"), ("none-*.tlog", "matches no log")):
-        with pytest.raises(MavhumsError, match=told):
+    for source, why in (("none.tlog", "no such file"), ("none-*.tlog", "matches no log")):
+        with pytest.raises(MavhumsError, match=why):
             fleet.scan([tmp_path / source], tmp_path / "store", options)
     for rule in ("(", "no group"):
         assert run("fleet", "scan", tmp_path, "--store", tmp_path / "s", "--aircraft", rule).code == 1
@@ -187,9 +187,9 @@ def test_the_worst_of_all_aircraft_comes_first(scanned: Path, run: Run) -> None:
     outcome = run("fleet", "worst", "--store", scanned, "-n", "3")
     assert outcome.code == ExitCode.EMERGENCY
     assert outcome.out.splitlines()[0].startswith("D-B elevator: EMERGENCY since flight ")
-    told = json.loads(run("fleet", "worst", "--store", scanned, "--json", "-n", "1").out)
-    assert told[0]["aircraft"] == "D-B"
-    assert told[0]["verdict"]["worst"] == "emergency"
+    rows = json.loads(run("fleet", "worst", "--store", scanned, "--json", "-n", "1").out)
+    assert rows[0]["aircraft"] == "D-B"
+    assert rows[0]["verdict"]["worst"] == "emergency"
     assert "24 logs of 2 aircraft" in run("fleet", "status", "--store", scanned).out
     assert fleet.trend(scanned, "D-A").flights == FLIGHTS
     assert fleet.export(scanned)["aircraft"].value_counts().to_dict() == {

@@ -43,7 +43,7 @@ def row(store: Path, log: Path) -> dict[str, object]:
     return {name: value for name, value in found.items() if name != "came_us"}
 
 
-def told(content: str) -> list[str]:
+def verdicts_in(content: str) -> list[str]:
     """The verdicts of an assessment as JSON."""
     assessment = mavhums.Assessment.model_validate_json(content)
     return sorted(one.model_dump_json() for one in assessment.verdicts)
@@ -53,7 +53,7 @@ def test_a_log_is_judged_by_the_flights_in_a_store(run: Run, kept: Path, store: 
     log = kept / "D-A" / "landed.tlog"
     outcome = run("analyse", log, "--store", store, "--aircraft", "folder", "--json")
     assert outcome.code == ExitCode.DEGRADED
-    assert told(outcome.out) == verdicts_of(kept / "scanned", "D-A")[str(log)]
+    assert verdicts_in(outcome.out) == verdicts_of(kept / "scanned", "D-A")[str(log)]
     assert "friction_drift" in outcome.out
     assert json.loads(outcome.out)["log"]["flight"][0]["aircraft"] == "D-A"
     assert fleet.status(store).judged == FLIGHTS  # nothing was written
@@ -78,7 +78,7 @@ def test_a_log_is_kept_as_a_scan_keeps_it(run: Run, kept: Path, store: Path) -> 
     first, again = run(*command), run(*command)
     assert first == again
     kept_both = [verdicts_of(one, "D-A")[str(log)] for one in (store, kept / "scanned")]
-    assert kept_both == [told(first.out)] * 2
+    assert kept_both == [verdicts_in(first.out)] * 2
     assert first.code == ExitCode.DEGRADED
     assert row(store, log) == row(kept / "scanned", log)
     assert fleet.scan([log], store, fleet.ScanOptions(workers=0)) == (0, 0, 1)

@@ -46,7 +46,7 @@ def store(flown: Path, tmp_path: Path) -> Path:
 
 
 def names(store: Path) -> dict[str, int]:
-    """Each aircraft and the number of its logs, as the store tells them."""
+    """Each aircraft and the number of its logs, as the store holds them."""
     names = {row["id"]: str(row["name"]) for row in table(store, "aircraft")}
     return dict(Counter(names[row["aircraft_id"]] for row in table(store, "flight")))
 
@@ -90,8 +90,8 @@ def test_a_log_is_kept_once_wherever_a_copy_lies(run: Run, flown: Path, store: P
 
 
 def test_a_log_is_compared_with_the_flights_of_its_board(run: Run, flown: Path, store: Path) -> None:
-    told = run("analyse", flown / "Downloads" / "new.tlog", "--store", store, "--json")
-    assert json.loads(told.out)["log"]["flight"][0]["aircraft"] == "D-A"
+    outcome = run("analyse", flown / "Downloads" / "new.tlog", "--store", store, "--json")
+    assert json.loads(outcome.out)["log"]["flight"][0]["aircraft"] == "D-A"
     nameless = mavhums.analyse(flown / "Downloads" / "nameless.tlog", store=store)
     assert "--aircraft =NAME" in nameless.log.notices[-1]
     assert nameless.earlier_flights is None
@@ -132,7 +132,7 @@ def test_the_page_asks_whose_log_it_is_and_leaves_nothing_behind(flown: Path, st
 
 
 @pytest.mark.slow
-def test_the_page_is_told_problem_and_remedy_as_they_are(store: Path, tmp_path: Path) -> None:
+def test_the_page_receives_problem_and_remedy_as_they_are(store: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.tlog"
     bad.write_bytes(b"no log")
     with pytest.raises(MavhumsError) as refused:
@@ -142,7 +142,7 @@ def test_the_page_is_told_problem_and_remedy_as_they_are(store: Path, tmp_path: 
 
 
 @pytest.mark.slow
-def test_packed_logs_are_scanned_and_those_that_cannot_be_are_told(flown: Path, tmp_path: Path) -> None:
+def test_packed_logs_are_scanned_and_those_that_cannot_be_are_reported(flown: Path, tmp_path: Path) -> None:
     data = [path.read_bytes() for path in sorted((flown / "D-A").iterdir())]
     logs = tmp_path / "logs" / "D-P"
     logs.mkdir(parents=True)
@@ -178,10 +178,10 @@ def test_the_page_names_no_path_of_its_computer(flown: Path, tmp_path: Path) -> 
         for log in sorted((flown / "D-A").iterdir())[:2]:
             archive.write(log, log.name)
     job = {"do": "judge", "log": str(tmp_path / "several.zip"), "report": str(tmp_path / "r"), "options": {}}
-    told = answer([0], (0, job))
-    assert str(tmp_path) not in json.dumps(told)
-    assert "contains 2 files" in told["problem"]
-    assert "drop the logs in it" in told["remedy"]
+    reply = answer([0], (0, job))
+    assert str(tmp_path) not in json.dumps(reply)
+    assert "contains 2 files" in reply["problem"]
+    assert "drop the logs in it" in reply["remedy"]
 
 
 @pytest.mark.parametrize("wrong", ["D-X/rudder", "D-A/ruder", "ruder", "D-X/"])

@@ -97,8 +97,8 @@ def test_a_webhook_gets_the_contract_and_a_mailbox_the_text(run: Run, store: Pat
     with served(socketserver.ThreadingTCPServer(("127.0.0.1", 0), Mailbox)) as port:
         mail = f"mailto://127.0.0.1:{port}?from=fleet@example.org&to=ops@example.org&mode=insecure"
         notify = ("--notify", mail, "--notify", f"{webhook}/200/{SECRET}")
-        told = run("fleet", "digest", "--store", store, *notify)
-    assert (told.code, told.err) == (ExitCode.OK, "")
+        outcome = run("fleet", "digest", "--store", store, *notify)
+    assert (outcome.code, outcome.err) == (ExitCode.OK, "")
     ((kind, body),) = Webhook.got
     assert kind == "application/json"
     content = json.loads(body)
@@ -132,20 +132,20 @@ def test_what_is_not_reached_is_said_without_a_secret(
         f"jsons://user:{SECRET}@127.0.0.1:1/{SECRET}\n"
         f"{webhook.replace('http', 'json')}/302/{SECRET}\n"
     )
-    told = run("fleet", "digest", "--store", store, "--fail-on-news", "--notify", f"@{urls}")
-    assert told.code == ExitCode.NOT_SENT
-    assert "D-N elevator" in told.out, "it is printed all the same"
-    problems = [line for line in told.err.splitlines() if line.startswith("mavhums: ")]
+    outcome = run("fleet", "digest", "--store", store, "--fail-on-news", "--notify", f"@{urls}")
+    assert outcome.code == ExitCode.NOT_SENT
+    assert "D-N elevator" in outcome.out, "it is printed all the same"
+    problems = [line for line in outcome.err.splitlines() if line.startswith("mavhums: ")]
     reasons = ("Connection refused", "503", "302", "refused", "refused", "302")
     for problem, reason in zip(problems, reasons, strict=True):
         assert "127.0.0.1" in problem
         assert reason in problem
-    assert SECRET not in told.err
+    assert SECRET not in outcome.err
 
 
 @pytest.mark.parametrize("wrong", ["carrier-pigeon", "pigeon://roof", "@nowhere.txt", "https://"])
 def test_an_address_that_is_none_is_refused_before_any_work(run: Run, store: Path, wrong: str) -> None:
-    told = run("fleet", "digest", "--store", store, "--notify", wrong)
-    assert told.code == ExitCode.ERROR
-    assert "--notify" in told.err
-    assert told.out == ""
+    outcome = run("fleet", "digest", "--store", store, "--notify", wrong)
+    assert outcome.code == ExitCode.ERROR
+    assert "--notify" in outcome.err
+    assert outcome.out == ""

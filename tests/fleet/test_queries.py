@@ -79,18 +79,18 @@ def test_a_damaged_store_is_an_error_of_every_command(run: Run, tmp_path: Path, 
         if damage == "text" and "trend" in command:  # it asks the flights alone
             continue
         output = ["-o", tmp_path / "out.csv"] if last == "export" else []
-        told = run(*command, last, "--store", store, *output)
-        assert told.code == ExitCode.ERROR
-        assert f"{store}: the store cannot be read" in told.err
-        assert "restore it from a backup" in told.err
-        assert len(told.err.splitlines()) == 2
+        outcome = run(*command, last, "--store", store, *output)
+        assert outcome.code == ExitCode.ERROR
+        assert f"{store}: the store cannot be read" in outcome.err
+        assert "restore it from a backup" in outcome.err
+        assert len(outcome.err.splitlines()) == 2
 
 
-def test_a_flight_is_told_with_its_verdicts_or_is_none(made: Made) -> None:
+def test_a_flight_has_its_verdicts_or_is_none(made: Made) -> None:
     store, known = made
     for one in known["D'A"][:2]:
-        told = queries.flight(store, "D'A", one.log.sha256 or "")
-        assert (told.log, told.verdicts) == (one.log, one.verdicts)
+        found = queries.flight(store, "D'A", one.log.sha256 or "")
+        assert (found.log, found.verdicts) == (one.log, one.verdicts)
     for aircraft, sha256 in (("D-B", known["D'A"][0].log.sha256 or ""), ("D'A", "00")):
         with pytest.raises(MavhumsError, match=f"no such flight of the aircraft \"?'?{aircraft}"):
             queries.flight(store, aircraft, sha256)

@@ -59,7 +59,7 @@ def there(bucket: str, folder: Path, request: pytest.FixtureRequest) -> str:
     return prefix
 
 
-def told(store: Path, root: str | Path) -> list[Any]:
+def contents_of(store: Path, root: str | Path) -> list[Any]:
     """What a store says of each log, with the path below its source."""
     verdicts = [
         (log.removeprefix(f"{root}/"), verdict.model_dump_json())
@@ -77,7 +77,7 @@ def test_the_rows_are_those_of_a_folder(run: Run, folder: Path, there: str, tmp_
     outcome = run(*command)
     assert json.loads(outcome.out) == {"judged": 6, "failed": 1, "known": 0, "foreign_boards": []}
     assert json.loads(run(*command).out) == {"judged": 0, "failed": 0, "known": 7, "foreign_boards": []}
-    assert told(tmp_path / "store", there) == told(tmp_path / "expected", folder)
+    assert contents_of(tmp_path / "store", there) == contents_of(tmp_path / "expected", folder)
     (flight,) = [one for one in fleet_flights(tmp_path / "store") if one.endswith("D-B/2.tlog")]
     assert flight == f"{there}/D-B/2.tlog"
     assert not [*Path(tempfile.gettempdir()).glob("mavhums-log-*")]
@@ -134,7 +134,7 @@ def test_several_workers_download_for_themselves(there: str, tmp_path: Path) -> 
     assert all(str(row["path"]).startswith("s3://") for row in table(tmp_path / "store", "flight"))
 
 
-def test_a_store_that_does_not_answer_is_told(
+def test_a_store_that_does_not_answer_is_reported(
     monkeypatch: pytest.MonkeyPatch, run: Run, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
@@ -172,7 +172,7 @@ def test_a_forbidden_log_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     assert row.aircraft == "D-A"
 
 
-def test_a_full_disk_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     with (
         pytest.raises(sources.UnreachedError, match="no room") as error,
         at_hand(LogFile("s3://bucket/logs/1.tlog", 1 << 60, 0)),

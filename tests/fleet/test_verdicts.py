@@ -25,7 +25,7 @@ from tests.health.self_baseline.servo import Servo, left
 
 NAME = "D-A"
 DAY = timedelta(days=1)
-Told = dict[str, list[str]]
+VerdictTexts = dict[str, list[str]]
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +55,8 @@ def on(
         learning = {"condition": "learning", "worst": "learning", "indicators": ()}
         record = left(Servo(), own, seconds=60.0)
         verdicts[-1] = verdicts[-1].model_copy(update=learning | {"own": (record,)})
-    told = {"log": log.model_copy(update=changed), "verdicts": tuple(verdicts)}
-    return kind._replace(assessment=kind.assessment.model_copy(update=told))
+    changes = {"log": log.model_copy(update=changed), "verdicts": tuple(verdicts)}
+    return kind._replace(assessment=kind.assessment.model_copy(update=changes))
 
 
 def fleet_of(kinds: Sequence[StandaloneAssessment], seed: int) -> list[StandaloneAssessment]:
@@ -74,19 +74,19 @@ def fleet_of(kinds: Sequence[StandaloneAssessment], seed: int) -> list[Standalon
     return [*flights, kinds[0]._replace(assessment=kinds[0].assessment.model_copy(update={"log": undated}))]
 
 
-def sequential(flights: Sequence[StandaloneAssessment]) -> tuple[Told, dict[str, str]]:
+def sequential(flights: Sequence[StandaloneAssessment]) -> tuple[VerdictTexts, dict[str, str]]:
     """Judge each flight by the whole history before it; return the verdicts by log, and the copies."""
     history: list[PastFlight] = []
-    told: Told = {}
+    judged: VerdictTexts = {}
     for flight in flights:
         start = flight.assessment.log.start_utc
         assessment = compared(flight, partial(baselines_of, history), partial(records_of, history))
-        told[assessment.log.path or ""] = sorted(one.model_dump_json() for one in assessment.verdicts)
+        judged[assessment.log.path or ""] = sorted(one.model_dump_json() for one in assessment.verdicts)
         if start:
             history.append(PastFlight.of(assessment))
     paths = {flight.log: flight.path or "" for flight in history}
     copies = {paths[log]: paths[taken] for (log, _), (taken, _) in superseded(history).items()}
-    return {log: verdicts for log, verdicts in told.items() if log not in copies}, copies
+    return {log: verdicts for log, verdicts in judged.items() if log not in copies}, copies
 
 
 def rows_of(flights: Sequence[StandaloneAssessment]) -> list[Row]:

@@ -1,4 +1,4 @@
-"""Logs are scanned as they land: whole, each told once, and whatever else goes wrong."""
+"""Logs are scanned as they land: whole, each reported once, and whatever else goes wrong."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def watching(inbox: Path, store: Path) -> LogWatcher:
 
 
 @pytest.mark.slow
-def test_a_log_is_judged_once_it_stands_still_and_a_bad_one_stops_nothing(
+def test_a_log_is_judged_once_it_no_longer_changes_and_a_bad_one_stops_nothing(
     inbox: Path, tmp_path: Path, data: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "store"
@@ -81,16 +81,16 @@ def test_the_command_prints_a_line_a_log_and_ends_cleanly(
     monkeypatch.setattr("mavhums.cli.fleet_scan.time.sleep", lambda _: signal.raise_signal(signal.SIGTERM))
     try:
         watch = ("fleet", "watch", inbox.parent, "--store", tmp_path / "store", "--aircraft", "folder")
-        told = run(*watch, "--workers", "0", "--settle", "0")
+        outcome = run(*watch, "--workers", "0", "--settle", "0")
     finally:
         signal.signal(signal.SIGTERM, before)
-    assert told.code == 0
-    assert "D-W: elevator EMERGENCY since flight 1 of 1" in told.out
-    assert sum("bad.tlog" in line for line in told.out.splitlines()) == 1
-    assert "stopped watching" in told.err
+    assert outcome.code == 0
+    assert "D-W: elevator EMERGENCY since flight 1 of 1" in outcome.out
+    assert sum("bad.tlog" in line for line in outcome.out.splitlines()) == 1
+    assert "stopped watching" in outcome.err
 
 
 def test_a_mistake_ends_the_watch_before_it_begins(run: Run, tmp_path: Path) -> None:
-    told = run("fleet", "watch", tmp_path / "nowhere", "--store", tmp_path / "store")
-    assert told.code == 1
-    assert "no such file or folder" in told.err
+    outcome = run("fleet", "watch", tmp_path / "nowhere", "--store", tmp_path / "store")
+    assert outcome.code == 1
+    assert "no such file or folder" in outcome.err

@@ -1,4 +1,4 @@
-"""Detectors and equations stand in explicit lists; a module that no list names would never be asked."""
+"""Detectors and equations are in explicit lists; a module that no list names would never be asked."""
 
 from __future__ import annotations
 

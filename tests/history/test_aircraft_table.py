@@ -41,7 +41,7 @@ def test_the_table_dates_boards_and_actuators(tmp_path: Path, text: str) -> None
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "problem"),
     [
         ("", "aircraft"),
         ("aircraft,bord\nA,1\n", "'bord'"),
@@ -62,13 +62,13 @@ def test_the_table_dates_boards_and_actuators(tmp_path: Path, text: str) -> None
         ('aircraft,board\n"A,1', "is not valid CSV"),
     ],
 )
-def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, text: str, told: str) -> None:
+def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, text: str, problem: str) -> None:
     path = tmp_path / "table.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(AircraftTableError) as error:
         load_aircraft_table(path)
     assert str(path) in error.value.problem
-    assert told in error.value.problem
+    assert problem in error.value.problem
     assert error.value.remedy
 
 

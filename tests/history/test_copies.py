@@ -185,8 +185,8 @@ def test_a_flight_of_two_stations_and_the_card_counts_once(run: Run, tmp_path: P
         last = run("analyse", log, "--store", store, "--keep", "--airframe", "paper")
         assert last.code != ExitCode.ERROR
     assert "also recorded" not in last.out
-    told = run("analyse", logs[1], "--store", store, "--airframe", "paper", "--verbose")
-    assert f"alsorecordedin{logs[2]}and{logs[0]};{logs[0]}counts" in "".join(told.out.split())
+    outcome = run("analyse", logs[1], "--store", store, "--airframe", "paper", "--verbose")
+    assert f"alsorecordedin{logs[2]}and{logs[0]};{logs[0]}counts" in "".join(outcome.out.split())
     status = run("fleet", "status", "--store", store)
     assert f"{logs[1]}: is of the same flight as {logs[0]}, which counts" in status.out
     copies = json.loads(run("fleet", "status", "--store", store, "--json").out)["copies"]

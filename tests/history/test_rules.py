@@ -48,8 +48,8 @@ def test_dates_follow_from_the_last_twenty_flights() -> None:
     several += [flight(k, 600 + 0.5 * (k - 6)) for k in range(6, 26)]
     found = flights_left((2.0, 4.0, 8.0), several, 4.0)
     dates = [(START + days * DAY).date().isoformat() for days in (610.5, 611.5, 613.5)]
-    told = dict(zip(("earliest_utc", "expected_utc", "latest_utc"), dates, strict=True))
-    assert found == left(4.0, 2.0, 8.0).model_copy(update=told)
+    dated = dict(zip(("earliest_utc", "expected_utc", "latest_utc"), dates, strict=True))
+    assert found == left(4.0, 2.0, 8.0).model_copy(update=dated)
     assert not left(4.0, 2.0, 8.0).is_far
     far = flights_left((2.0, 4.0, inf), several, 3.9)
     assert far is not None
@@ -58,14 +58,14 @@ def test_dates_follow_from_the_last_twenty_flights() -> None:
 
 
 @pytest.mark.parametrize(("ahead", "dated"), [(36_524, True), (36_525, False)])
-def test_no_date_is_told_beyond_a_hundred_years(ahead: float, dated: bool) -> None:
+def test_no_date_is_given_beyond_a_hundred_years(ahead: float, dated: bool) -> None:
     found = flights_left((ahead, ahead, ahead), [flight(1, 0), flight(2, 1)], 0.0)
     assert found is not None
     assert (found.expected_utc is not None) is dated
 
 
 @pytest.mark.parametrize("days", [(0.0,), (0.0, 0.0)])
-def test_flights_that_tell_no_rate_give_no_dates(days: tuple[float, ...]) -> None:
+def test_flights_without_a_rate_give_no_dates(days: tuple[float, ...]) -> None:
     several = [flight(k, day) for k, day in enumerate(days, 1)]
     assert flights_left((1.0, 2.0, 3.0), several, 9.0) == left(2.0, 1.0, 3.0)
 
@@ -79,7 +79,7 @@ def test_a_step_is_the_difference_of_five_flights_before_and_after(fault: str, b
     assert (found.flight, found.size, found.better) == (8, 6.0, better)
 
 
-def stands(conditions: str, steps: tuple[Step, ...] = (), grows: tuple[Growth, ...] = ()) -> Standing:
+def standing_after(conditions: str, steps: tuple[Step, ...] = (), grows: tuple[Growth, ...] = ()) -> Standing:
     """Return the standing after flights: d for degraded, n for normal, u for undecided, each a day later."""
     names: Mapping[str, Condition] = {"d": "degraded", "n": "normal", "u": "undecided", "e": "emergency"}
     judged = {
@@ -109,7 +109,7 @@ def stands(conditions: str, steps: tuple[Step, ...] = (), grows: tuple[Growth, .
 def test_a_fault_ends_after_five_judged_flights_without_it(
     conditions: str, expected: tuple[Condition, int | None, int]
 ) -> None:
-    found = stands(conditions)
+    found = standing_after(conditions)
     assert (found.condition, found.since_flight, found.clear_flights) == expected
 
 
@@ -124,24 +124,24 @@ def test_a_fault_ends_after_five_judged_flights_without_it(
     ],
 )
 def test_a_step_to_the_better_after_the_fault_ends_it(steps: tuple[Step, ...], condition: str) -> None:
-    assert stands("dddnn", steps).condition == condition
+    assert standing_after("dddnn", steps).condition == condition
 
 
-def test_only_a_step_of_the_last_twenty_flights_is_told_and_the_soonest_growth() -> None:
+def test_only_a_step_of_the_last_twenty_flights_is_kept_and_the_soonest_growth() -> None:
     thirty = "n" * 30
-    assert stands(thirty, (step(10),)).step is None
-    assert stands(thirty, (step(11),)).step == step(11)
-    assert stands(thirty, (step(20), step(25), step(15))).step == step(25)
+    assert standing_after(thirty, (step(10),)).step is None
+    assert standing_after(thirty, (step(11),)).step == step(11)
+    assert standing_after(thirty, (step(20), step(25), step(15))).step == step(25)
     late, soon, never = growth(left(50.0)), growth(left(60.0), left(9.0)), growth()
-    assert stands(thirty, grows=(late, soon, never)).growth == soon
-    assert stands(thirty, grows=(never, late)).growth == late
+    assert standing_after(thirty, grows=(late, soon, never)).growth == soon
+    assert standing_after(thirty, grows=(never, late)).growth == late
 
 
 def test_a_finding_without_an_indicator_rests_on_its_rule() -> None:
-    jam = Evidence(kind="jam", start_s=0.0, end_s=1.0, value=0.1, limit=0.5, rule="degraded: it stood")
+    jam = Evidence(kind="jam", start_s=0.0, end_s=1.0, value=0.1, limit=0.5, rule="degraded: it did not move")
     judged = verdict(shown(0.2), condition="degraded").model_copy(update={"evidence": (jam,)})
     found = standing_of([flight(1, 0, judged)], [])
-    assert (found.fault, found.limit, found.quantity) == ("jam", 0.5, "degraded: it stood")
+    assert (found.fault, found.limit, found.quantity) == ("jam", 0.5, "degraded: it did not move")
 
 
 SOON, LATE = growth(left(10.0)), growth(left(10.1), left(99.0))
@@ -206,8 +206,8 @@ def test_recordings_whose_boots_lie_half_a_minute_apart_may_be_one_flight(
 def test_the_quality_of_a_recording_is_of_its_vehicle_alone() -> None:
     def one(actuator: str, condition: Condition, decidable: int, vehicle: int = 1) -> Verdict:
         covered = Coverage(moving_fraction=1.0, windows=99, decidable=decidable)
-        told = {"coverage": covered, "provenance": {"V1": "x", "V5": "y"}}
-        return verdict(actuator=actuator, condition=condition, vehicle=vehicle).model_copy(update=told)
+        changes = {"coverage": covered, "provenance": {"V1": "x", "V5": "y"}}
+        return verdict(actuator=actuator, condition=condition, vehicle=vehicle).model_copy(update=changes)
 
     several = [one("elevator", "normal", 5), one("rudder", "undecided", 3), one("flap", "unmonitored", 0)]
     several += [one("all", "normal", 50), one("elevator", "normal", 70, vehicle=2)]

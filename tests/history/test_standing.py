@@ -1,4 +1,4 @@
-"""How an actuator stands over its flights: a limit that was crossed, growth, and unrecorded repairs."""
+"""An actuator's state over its flights: a limit that was crossed, growth, and unrecorded repairs."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_a_repair_ends_the_state_recorded_or_not() -> None:
     assert standing(mended[:13], scatter=0.004).condition == "degraded"
 
 
-def test_what_grows_is_told_with_the_dates_of_its_limits_before_it_reaches_them() -> None:
+def test_what_grows_is_reported_with_the_dates_of_its_limits_before_it_reaches_them() -> None:
     grown = history([0.21 + 0.005 * day for day in range(24)], scatter=0.008)
     one = trend_report(grown).standings[0]
     assert one.condition == "normal"
@@ -148,16 +148,16 @@ def test_only_verdicts_of_a_vehicles_actuators_since_their_date_are_followed() -
 
 
 @pytest.mark.parametrize(
-    ("condition", "told"),
+    ("condition", "listed"),
     [("normal", False), ("undecided", False), ("learning", False), ("degraded", True), ("emergency", True)],
 )
-def test_a_fault_that_was_not_asked_for_is_told_of_the_last_flight(condition: Condition, told: bool) -> None:
+def test_a_fault_of_the_last_flight_is_listed_unasked(condition: Condition, listed: bool) -> None:
     flights = [flown(verdict(shown(0.2))), flown(verdict(shown(0.2), condition=condition), day=1)]
     report = trend_report(map(PastFlight.of, flights), faults=["backlash"])
     assert report.trends == ()
     assert [(one.vehicle, one.actuator, one.last) for one in report.others] == [
         (1, "elevator", condition)
-    ] * told
+    ] * listed
 
 
 def test_a_flight_and_its_history_never_contradict_each_other() -> None:
@@ -165,9 +165,9 @@ def test_a_flight_and_its_history_never_contradict_each_other() -> None:
     several = assessments([0.21 + 0.005 * day for day in range(24)], scatter=0.008)
     flights = [*map(PastFlight.of, several)]
     *before, last = flights
-    told = several[-1].model_copy(update={"standings": standings_after(last, before, None)})
-    assert told.standings[0].growth is not None
-    assert told.exit_code.name == "DEGRADED"
+    completed = several[-1].model_copy(update={"standings": standings_after(last, before, None)})
+    assert completed.standings[0].growth is not None
+    assert completed.exit_code.name == "DEGRADED"
     assert standings_after(last, [], None) == ()
     for at in (0, 12):
         earlier = standings_after(flights[at], flights, None)
@@ -182,8 +182,8 @@ def test_a_fault_of_an_earlier_flight_is_not_dated_to_this_one(since_s: float, s
     [judged] = last.verdicts
     judged = judged.model_copy(update={"since": Since(flight_time_s=since_s, utc=START.isoformat())})
     now = last.model_copy(update={"verdicts": (judged,)})
-    stood = standings_after(PastFlight.of(now), map(PastFlight.of, earlier), None)
-    assert said in headline(now.model_copy(update={"standings": stood})).text
+    states = standings_after(PastFlight.of(now), map(PastFlight.of, earlier), None)
+    assert said in headline(now.model_copy(update={"standings": states})).text
 
 
 def test_the_baseline_is_the_level_before_the_growth() -> None:
@@ -200,8 +200,8 @@ def test_what_grows_on_is_not_gone() -> None:
     was = grows.model_copy(update={"condition": "degraded"})
     assert [*_kinds(was, grows)] == ["eased"]
     change = Change(kind="eased", aircraft="D-A", before=was, now=grows)
-    (told, why) = _change_lines(change)
-    assert told == "it was degraded; now growing in flight 30 (2026-03-30)"
+    (line, why) = _change_lines(change)
+    assert line == "it was degraded; now growing in flight 30 (2026-03-30)"
     assert "grows by" in why
 
 
@@ -217,6 +217,6 @@ def test_growth_that_was_certain_does_not_go_with_one_flight() -> None:
     ]
     first = certain.index(True)
     assert not all(certain[first:])
-    told = [standing([*values[:n]]).growth is not None for n in range(8, 41)]
-    assert told.index(True) == first
-    assert all(told[first:])
+    grows = [standing([*values[:n]]).growth is not None for n in range(8, 41)]
+    assert grows.index(True) == first
+    assert all(grows[first:])

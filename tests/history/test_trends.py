@@ -59,7 +59,7 @@ def test_the_wearing_actuator_comes_first_with_its_flights_left(run: Run, worn: 
     assert max(map(len, lines)) <= 80
 
 
-def test_json_tells_the_truth_within_its_interval(run: Run, worn: Path) -> None:
+def test_json_holds_the_truth_within_its_interval(run: Run, worn: Path) -> None:
     report = json.loads(run("trend", "--store", worn, "--json").out)
     assert report["schema"] == "mavhums.trend/1"
     elevator, rudder = report["trends"]
@@ -160,12 +160,12 @@ def test_flights_that_only_their_files_date_are_in_the_order_of_boots(tmp_path: 
             path = tmp_path / f"{boots}.BIN"
             written_s = (START + timedelta(days=day)).timestamp()
             board = b"CubeOrange 00112233 44556677 8899AABB"
-            told = [
+            records = [
                 rows("MSG", np.zeros(1), Message=board),
                 rows("PARM", np.zeros(1), Name=b"STAT_BOOTCNT", Value=boots),
                 rows("RCOU", np.arange(0.0, 20.0, 0.1), C1=1500),
             ]
-            write_records(told, path)
+            write_records(records, path)
             os.utime(path, (written_s, written_s))
             judged = verdict(shown(0.22 + 0.01 * boots + 0.001 * (boots % 3)))
             assessment = mavhums.analyse(path).model_copy(update={"verdicts": (judged,)})
@@ -179,7 +179,7 @@ def test_flights_that_only_their_files_date_are_in_the_order_of_boots(tmp_path: 
     assert right.per_flight is not None
 
 
-def test_a_repair_is_told_by_its_date(run: Run, tmp_path: Path) -> None:
+def test_a_repair_is_given_by_its_date(run: Run, tmp_path: Path) -> None:
     flights = []
     for day in range(40):
         value = 0.3 + 0.01 * day if day < 20 else 0.21 + 0.01 * (day - 20)
@@ -192,9 +192,9 @@ def test_a_repair_is_told_by_its_date(run: Run, tmp_path: Path) -> None:
     elevator = next(one for one in before if one["actuator"] == "elevator")
     assert (elevator["step"]["flight"], elevator["step"]["better"]) == (21, True)
     assert elevator["growth"]["since_flight"] >= 21
-    told = " ".join(run("trend", "--store", store).out.split())
-    assert "fell by 0.2" in told
-    assert "in one step at flight 21 (2026-03-21): a repair or swap?" in told
+    words = " ".join(run("trend", "--store", store).out.split())
+    assert "fell by 0.2" in words
+    assert "in one step at flight 21 (2026-03-21): a repair or swap?" in words
     date = (START + timedelta(days=20)).date().isoformat()
     assert run("fleet", "repairs", "--store", store, "--add", f"elevator={date}").code == 0
     outcome = run("trend", "--store", store, "--json")
@@ -343,7 +343,7 @@ def test_a_log_without_a_date_has_no_baseline(
         asked.clear()
 
 
-def test_a_fault_without_an_indicator_is_told_as_analyse_told_it(run: Run, tmp_path: Path) -> None:
+def test_a_fault_without_an_indicator_is_reported_as_by_analyse(run: Run, tmp_path: Path) -> None:
     """An axis may be degraded by what no indicator shows; one that was not asked for hides no fault."""
     rolled = verdict(actuator="roll", condition="degraded").model_copy(update={"subject": "axis"})
     slack = verdict(shown(0.3, fault="backlash"), actuator="rudder", condition="degraded")
@@ -352,8 +352,8 @@ def test_a_fault_without_an_indicator_is_told_as_analyse_told_it(run: Run, tmp_p
     assert outcome.code == ExitCode.DEGRADED
     assert outcome.out.splitlines()[0] == "roll and rudder: DEGRADED in the last flight (1 flight)"
     assert "roll: degraded in the last flight." in outcome.out
-    stands = json.loads(run("trend", "--store", tmp_path / "store", "--json").out)["standings"]
-    assert {one["actuator"]: one["last"] for one in stands} == {"roll": "degraded", "rudder": "degraded"}
+    states = json.loads(run("trend", "--store", tmp_path / "store", "--json").out)["standings"]
+    assert {one["actuator"]: one["last"] for one in states} == {"roll": "degraded", "rudder": "degraded"}
     write_store(tmp_path / "store", {"D-A": [flown(verdict(actuator="roll"), verdict(shown(0.2)), day=1)]})
     later = run("trend", "--store", tmp_path / "store", "--actuator", "roll")
     assert later.code == ExitCode.DEGRADED  # one flight without it ends no fault
@@ -364,8 +364,8 @@ def test_an_emergency_is_listed_with_its_highest_value(run: Run, tmp_path: Path)
     """The mean of a flight in which friction grows lies below the limit that was passed."""
     found = Evidence(kind="friction", start_s=70.0, end_s=99.0, value=0.951, limit=0.875, rule="emergency")
     before = found.model_copy(update={"start_s": 0.0, "end_s": 70.0, "value": 0.37, "rule": "normal"})
-    told = {"friction_nm": Interval(estimate=0.93, low=0.92, high=0.94), "evidence": (before, found)}
-    grew = verdict(shown(0.56), condition="emergency").model_copy(update=told)
+    changes = {"friction_nm": Interval(estimate=0.93, low=0.92, high=0.94), "evidence": (before, found)}
+    grew = verdict(shown(0.56), condition="emergency").model_copy(update=changes)
     write_store(tmp_path / "store", {"D-A": [flown(grew)]})
     outcome = run("trend", "--store", tmp_path / "store")
     assert outcome.code == ExitCode.EMERGENCY
@@ -373,8 +373,8 @@ def test_an_emergency_is_listed_with_its_highest_value(run: Run, tmp_path: Path)
     assert "Coulomb friction up to 0.951 N·m (limit 0.875 N·m)" in text
     frame = mavhums.trend(tmp_path / "store").to_frame()
     assert frame[["estimate", "highest", "end"]].iloc[0].tolist() == [0.56, 0.951, 0.93]
-    [stood] = mavhums.trend(tmp_path / "store").standings
-    assert sentence(stood).endswith("friction up to 0.951 N·m (limit 0.875 N·m)")
+    [state] = mavhums.trend(tmp_path / "store").standings
+    assert sentence(state).endswith("friction up to 0.951 N·m (limit 0.875 N·m)")
 
 
 def test_a_fault_is_not_shown_of_an_indicator_within_its_limit(run: Run, tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def test_what_is_saved_is_loaded(
     assert model.hash == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def test_a_model_answers_by_class_and_tells_where_it_may_be_asked(path: Path) -> None:
+def test_a_model_answers_by_class_and_says_where_it_may_be_asked(path: Path) -> None:
     model = load_model(path)
     assert model.classes == ("normal", "emergency")
     assert model.emergency == 1

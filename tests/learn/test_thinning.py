@@ -20,7 +20,7 @@ def test_each_class_keeps_its_share_and_its_weight() -> None:
     assert weight[label == 1].sum() == pytest.approx(100)
 
 
-def test_clusters_stand_for_what_is_near() -> None:
+def test_clusters_represent_what_is_near() -> None:
     """Dense samples are represented by few, rare ones are not forgotten."""
     dense = RANDOM.normal(scale=0.01, size=(500, 1))
     rare = np.array([[10.0], [20.0], [30.0]])

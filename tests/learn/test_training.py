@@ -67,7 +67,7 @@ def test_selects_only_among_the_keys_given(flights: Flights) -> None:
     assert set(selection.chi_square) == {"V5", "V8", "V10"}
 
 
-def test_the_network_tells_flights_it_never_saw(flights: Flights) -> None:
+def test_the_network_classifies_flights_it_never_saw(flights: Flights) -> None:
     result = train_network(*flights(0.2, 1.0), FEW)
     values, emergency, _ = flights(0.25, 0.3, 0.9, 0.95)
     assert ((result.network.p_emergency(values) > 0.5) == emergency).mean() > 0.9
@@ -142,7 +142,7 @@ def test_the_network_of_the_least_loss_held_out_is_chosen(
     assert {candidate.hidden for candidate in result.candidates} == {1, 2, 3, 4}
 
 
-def test_each_stage_is_told_and_what_is_told_is_on_the_card(flights: Flights) -> None:
+def test_each_stage_is_reported_and_every_report_is_on_the_card(flights: Flights) -> None:
     said: list[str] = []
     scheme = Scheme(vectors=100, networks=3, hidden=(2,))
     options = TrainingOptions(0, scheme=scheme, report=said.append)
@@ -162,7 +162,7 @@ def test_each_stage_is_told_and_what_is_told_is_on_the_card(flights: Flights) ->
 
 
 @pytest.mark.slow
-def test_the_wrapper_finds_the_one_quantity_that_tells() -> None:
+def test_the_wrapper_finds_the_one_quantity_that_decides() -> None:
     random, numbers = np.random.default_rng(0), np.repeat(np.arange(8), 60)
     values = random.normal(size=(480, 12))
     emergency = numbers >= 4

@@ -41,8 +41,8 @@ class Program:
     def objects(self, event: str | None = None) -> list[dict[str, Any]]:
         """The JSON objects printed so far; the last line may be unfinished."""
         lines = self.output.split("\n")[:-1]
-        told = [json.loads(line) for line in lines if line.startswith("{")]
-        return [one for one in told if event in (None, one["event"])]
+        objects = [json.loads(line) for line in lines if line.startswith("{")]
+        return [one for one in objects if event in (None, one["event"])]
 
     def wait_for(self, found: Callable[[], object], timeout_s: float = 60.0) -> None:
         until = time.monotonic() + timeout_s
@@ -88,8 +88,8 @@ def hearing(folder: Path, pieces: Sequence[Piece], *arguments: str | Path) -> It
     """``mavhums live`` with a link of UDP, to which pieces were sent."""
     port = free_port()
     with running(folder, "live", *mavhums("live", f"udpin:{port}", *arguments)) as live:
-        told = '"event":"start"' if "--json" in arguments else "listening: udpin:127.0.0.1:"
-        live.wait_for(lambda: told in live.output)
+        begin = '"event":"start"' if "--json" in arguments else "listening: udpin:127.0.0.1:"
+        live.wait_for(lambda: begin in live.output)
         send(port, pieces)
         yield live
 

@@ -71,38 +71,38 @@ def test_the_longest_action_that_fits_is_said() -> None:
     assert len(text_of("rudder", "degraded", "f" * 10)) == len(text_of("rudder", "degraded", "f" * 99)) == 50
 
 
-def test_names_of_health_are_told_apart() -> None:
+def test_names_of_health_differ() -> None:
     names = ["aileron_left", "aileron_right", "elevator", "rudder", *["flap"] * 8]
     short = [health_name(number, name) for number, name in enumerate(names, start=1)]
     assert len(set(short)) == 12
     assert all(len(name) <= 10 for name in short)
 
 
-def test_an_episode_is_told_once() -> None:
+def test_an_episode_is_reported_once() -> None:
     ground = Ground()
     alerts = Alerts(ground.hear)
-    told = alerts.observe([changed("degraded", "undecided", "backlash")], EPOCH_US)
-    assert [alert.text for alert in told] == ["elevator DEGRADED: backlash, inspect after landing"]
+    sent = alerts.observe([changed("degraded", "undecided", "backlash")], EPOCH_US)
+    assert [alert.text for alert in sent] == ["elevator DEGRADED: backlash, inspect after landing"]
     for k in range(100):
         assert alerts.tick([status("elevator", "degraded")], EPOCH_US + k * SECOND) == []
-    told += alerts.observe([changed("emergency", "degraded")], EPOCH_US + 100 * SECOND)
-    assert told[1].text == "elevator EMERGENCY: friction, land now"
+    sent += alerts.observe([changed("emergency", "degraded")], EPOCH_US + 100 * SECOND)
+    assert sent[1].text == "elevator EMERGENCY: friction, land now"
     texts = [message for message in ground.heard() if message.get_type() == "STATUSTEXT"]
-    assert [message.text for message in texts] == [alert.text for alert in told]
+    assert [message.text for message in texts] == [alert.text for alert in sent]
     assert [message.severity for message in texts] == [v2.MAV_SEVERITY_WARNING, v2.MAV_SEVERITY_CRITICAL]
     assert {message.get_srcSystem() for message in texts} == {3}
 
 
-def test_flapping_is_told_every_half_minute_at_most() -> None:
+def test_flapping_is_reported_every_half_minute_at_most() -> None:
     alerts = Alerts(lambda frame, vehicle: None)
-    told = 0
+    count = 0
     for k in range(0, 300, 5):
         condition: Condition = "normal" if k % 10 else "degraded"
-        told += len(alerts.observe([changed(condition)], EPOCH_US + k * SECOND))
-    assert told == 10
+        count += len(alerts.observe([changed(condition)], EPOCH_US + k * SECOND))
+    assert count == 10
 
 
-def test_what_came_too_soon_is_told_when_it_lasts() -> None:
+def test_what_came_too_soon_is_reported_when_it_lasts() -> None:
     alerts = Alerts(lambda frame, vehicle: None)
     assert not alerts.observe([changed("normal", "undecided"), changed("undecided")], EPOCH_US)
     assert alerts.observe([changed("degraded")], EPOCH_US)

@@ -48,17 +48,17 @@ def closed_loop() -> bytes:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("flight", ["rows", "closed loop"])
-def test_a_lost_surface_is_told_once_and_the_recording_says_the_same(flight: str, tmp_path: Path) -> None:
+def test_a_lost_surface_is_reported_once_and_the_recording_says_the_same(flight: str, tmp_path: Path) -> None:
     pieces = datagrams(flown() if flight == "rows" else closed_loop())
     rig = Rig(tmp_path, start_us=pieces[0].time_us)
     rig.hear(pieces)
     found = rig.end()
     assert of(found, "roll").worst == "emergency"
-    told = [alert for alert in rig.shown.alerts if alert.text.lower().startswith("roll")]
+    alerts = [alert for alert in rig.shown.alerts if alert.text.lower().startswith("roll")]
     wanted = episodes(rig, "roll")
-    assert len(told) == len(wanted) == len(set(wanted)), "one for each episode"
-    assert all(len(alert.text) <= 50 for alert in told)
-    assert re.fullmatch("ROLL control .*aileron.*, land now", told[-1].text)
+    assert len(alerts) == len(wanted) == len(set(wanted)), "one for each episode"
+    assert all(len(alert.text) <= 50 for alert in alerts)
+    assert re.fullmatch("ROLL control .*aileron.*, land now", alerts[-1].text)
     status = state(rig, "roll")
     assert (status.condition, status.stale) == ("emergency", False)
 
@@ -77,7 +77,7 @@ def test_a_healthy_flight_is_quiet_and_a_silent_link_is_stale(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_a_motor_that_stops_is_told_while_it_flies(tmp_path: Path) -> None:
+def test_a_motor_that_stops_is_reported_while_it_flies(tmp_path: Path) -> None:
     rng = np.random.default_rng([3, 1])
     plan = draw_plan(rng, 55.0, event=Event(fault_s=40.0, motor=1, loss=1.0))
     write_tlog(fly(draw_craft(rng, "quad x"), plan, 3), tmp_path / "f.tlog", Rates(25.0, 25.0, 25.0), 3)
@@ -86,8 +86,8 @@ def test_a_motor_that_stops_is_told_while_it_flies(tmp_path: Path) -> None:
     rig.hear(pieces)
     found = rig.end()
     assert of(found, "motor 2").worst == "emergency"
-    told = [alert.text for alert in rig.shown.alerts]
+    texts = [alert.text for alert in rig.shown.alerts]
     # Within a second the loss is first degraded, then an emergency: one alert.
     assert episodes(rig, "motor 2")[-1] == "emergency"
-    assert len(told) == 1
-    assert re.fullmatch(r"motor 2 EMERGENCY: lost \d+ % of thrust, land now", told[0])
+    assert len(texts) == 1
+    assert re.fullmatch(r"motor 2 EMERGENCY: lost \d+ % of thrust, land now", texts[0])

@@ -25,8 +25,8 @@ from tests.live.programs import mavhums as command
 
 
 def frames_heard(live: Program) -> int:
-    told = live.objects("status")
-    return int(told[-1]["link"]["frames"]) if told else 0
+    statuses = live.objects("status")
+    return int(statuses[-1]["link"]["frames"]) if statuses else 0
 
 
 @pytest.mark.slow
@@ -71,8 +71,8 @@ def test_only_signed_frames_are_heard_and_former_ones_never_again(
             time.sleep(1.0)
             live.stop()
         link = live.objects("end")[0]["link"]
-        told = (link["frames"], link["unsigned_frames"], link["replayed_frames"])
-        assert told == (accepted, 40, replayed)
+        counts = (link["frames"], link["unsigned_frames"], link["replayed_frames"])
+        assert counts == (accepted, 40, replayed)
     assert json.loads((tmp_path / "key.seen").read_text())["0/1/1"] >= 5_000_000_019
 
 

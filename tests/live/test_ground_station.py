@@ -53,10 +53,10 @@ def test_growing_friction_reaches_the_ground_station(tmp_path: Path) -> None:
     assert [alert["text"] for alert in live.objects("alert")] == [degraded, emergency]
     assert f"AP: {degraded}" in screen.output
     schema = jsonschema.Draft202012Validator(json_schema("live-1"))
-    for told in live.objects():
-        schema.validate(told)
-    changes = [told for told in live.objects("condition") if told["actuator"] == "elevator"]
-    assert [(told["after"], told["fault"]) for told in changes] == [
+    for event in live.objects():
+        schema.validate(event)
+    changes = [event for event in live.objects("condition") if event["actuator"] == "elevator"]
+    assert [(event["after"], event["fault"]) for event in changes] == [
         ("degraded", "friction"),
         ("emergency", "friction"),
     ]

@@ -165,7 +165,7 @@ def fly(live: Program, port: int, pieces: list[Piece], recording: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(find_spec("serial") is None, reason="no serial port package (pip install pyserial)")
 def test_nobody_reads_standard_output_nor_alerts(tmp_path: Path, worn_pieces: list[Piece]) -> None:
-    """The pipe and the serial port are full before it starts; it records, and ends when told to."""
+    """The pipe and the serial port are full before it starts; it records, and ends on demand."""
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     with contextlib.suppress(BlockingIOError):

@@ -84,7 +84,7 @@ def test_records_are_on_the_disk_within_a_second(tmp_path: Path, monkeypatch: py
     assert synced == [8], "nothing new, nothing to do"
 
 
-def test_a_disk_that_fails_is_told_of_once(
+def test_a_disk_that_fails_is_reported_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     recorder = TlogRecorder(tmp_path / "a.tlog")
@@ -103,10 +103,10 @@ def test_a_disk_that_fails_is_told_of_once(
     recorder.write(b"kept", 1)
     recorder.close()
     assert recorder.path.read_bytes() == b"kept"
-    told = [record.message for record in caplog.records]
-    assert len(told) == 3
-    assert told[0].endswith("No space left on device; the flight is judged, but not recorded")
-    assert told[2].endswith("written again; 6 frames are missing")
+    messages = [record.message for record in caplog.records]
+    assert len(messages) == 3
+    assert messages[0].endswith("No space left on device; the flight is judged, but not recorded")
+    assert messages[2].endswith("written again; 6 frames are missing")
 
 
 def test_what_was_seen_is_remembered(tmp_path: Path) -> None:
@@ -150,8 +150,8 @@ def flown(rig: Rig, worn_pieces: list[Piece]) -> Rig:
     return rig
 
 
-def text_of(rig: Rig, told: tuple[str, ...] = ()) -> str:
-    return plain(status_blocks(rig.shown.statuses[-1], "udpin:14550", told))
+def text_of(rig: Rig, notices: tuple[str, ...] = ()) -> str:
+    return plain(status_blocks(rig.shown.statuses[-1], "udpin:14550", notices))
 
 
 @pytest.mark.slow
@@ -205,7 +205,7 @@ class Failing:
 
 
 @pytest.mark.slow
-def test_lines_tell_all_by_the_schema_and_plainly_though_a_viewer_fails(
+def test_lines_hold_all_by_the_schema_and_plainly_though_a_viewer_fails(
     rig: Rig, worn_pieces: list[Piece], caplog: pytest.LogCaptureFixture
 ) -> None:
     lines: list[str] = []
@@ -220,12 +220,12 @@ def test_lines_tell_all_by_the_schema_and_plainly_though_a_viewer_fails(
     assert caplog.text.count("viewer: the viewer is gone; its output is dropped") == 1
     assert sum("elevator: undecided → emergency (friction)" in line for line in plainly) == 1
     assert sum("stale, silent for 3." in line for line in plainly) == 4
-    told = [json.loads(line) for line in lines]
+    objects = [json.loads(line) for line in lines]
     schema = jsonschema.Draft202012Validator(json_schema("live-1"))
-    for one in told:
+    for one in objects:
         schema.validate(one)
-    kinds = [one["event"] for one in told]
+    kinds = [one["event"] for one in objects]
     once = {"start", "airframe", "end"}
     assert {*kinds} == once | {"notice", "window", "condition", "alert", "stale", "status"}
     assert (kinds[0], kinds[-1]) == ("start", "end")
-    assert told[-1]["record"]["bytes"] == rig.recorder.bytes
+    assert objects[-1]["record"]["bytes"] == rig.recorder.bytes

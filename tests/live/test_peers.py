@@ -1,4 +1,4 @@
-"""Who is told of what: only those who speak for a vehicle, and never more than came from them."""
+"""Who receives what: only those who speak for a vehicle, and never more than came from them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SECOND = 1_000_000
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.integers(1, 500), st.booleans()), max_size=60))
-def test_nobody_is_told_more_than_came_from_him(steps: list[tuple[str, int, bool]]) -> None:
+def test_nobody_receives_more_than_came_from_him(steps: list[tuple[str, int, bool]]) -> None:
     peers = Peers()
     heard: dict[Hashable, int] = {}
     said: dict[Hashable, int] = {}
@@ -127,7 +127,7 @@ def test_an_address_to_which_nothing_can_be_sent_silences_nobody(session: Sessio
 
 
 def test_a_peer_that_has_closed_costs_only_what_is_sent_to_it() -> None:
-    """The error of one datagram is told at the next."""
+    """The error of one datagram is reported at the next."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:
         ground.bind(("127.0.0.1", 0))
         ground.settimeout(60)

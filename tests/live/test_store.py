@@ -84,7 +84,7 @@ def test_the_recording_is_kept_at_the_end(
     assert code == again.code
 
 
-def test_what_is_missing_is_told_before_the_start(run: Run, store: Path, tmp_path: Path) -> None:
+def test_what_is_missing_is_reported_before_the_start(run: Run, store: Path, tmp_path: Path) -> None:
     for more, code, reason in (
         (("--store", tmp_path / "absent"), ExitCode.ERROR, "no store of flights"),
         (("--store", store, "--keep"), ExitCode.USAGE, "--record FILE"),

@@ -62,7 +62,7 @@ def test_without_a_bound_nothing_is_older_than_a_second() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="the kernel tells no times of reception")
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel gives no times of reception")
 def test_datagrams_that_waited_are_stamped_by_the_kernel() -> None:
     link = UdpLink(Address("udpin", "127.0.0.1", 0), ReceiveClock())
     time.sleep(0.3)  # the kernel begins to stamp a little after the first socket asks for it

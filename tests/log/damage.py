@@ -14,7 +14,7 @@ KINDS = ("flips", "insertions", *LENGTHS, *SECTORS)
 def damage(data: bytes, kind: str, count: int, seed: int) -> Integers:
     """Return where each byte of the damaged log comes from; the negative ones come from nowhere.
 
-    -2 … -257 stand for the byte values 0…255 that were put there; a flipped bit is such a byte.
+    -2 … -257 mean the byte values 0…255 that were put there; a flipped bit is such a byte.
     """
     rng = np.random.default_rng(seed)
     origin = np.arange(len(data))

@@ -54,9 +54,9 @@ def test_damage_is_counted_and_the_log_is_judged(run: Run, logs: dict[str, bytes
     for name, suffix in (("dataflash", "BIN"), ("ulog", "ulg")):
         path = tmp_path / f"flight.{suffix}"
         path.write_bytes(bytes(16) + logs[name][16:])
-        told = run("inspect", path)
-        assert told.code == ExitCode.READ_WITH_LOSSES, told.err
-        assert "servo" in told.out.lower()
+        outcome = run("inspect", path)
+        assert outcome.code == ExitCode.READ_WITH_LOSSES, outcome.err
+        assert "servo" in outcome.out.lower()
 
 
 def test_noise_has_no_format(run: Run, tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def test_a_log_without_stamps_and_a_converted_one_are_named(tmp_path: Path) -> N
     assert "Dated by the time of its file: the log has no date" in said(raw)
 
 
-def test_zeros_before_the_first_frame_are_passed_over_and_told(tmp_path: Path) -> None:
+def test_zeros_before_the_first_frame_are_passed_over_and_reported(tmp_path: Path) -> None:
     """A recorder that allots its file in advance: more zeros than are looked at for the format."""
     path, zeros = tmp_path / "zeros.tlog", 2_900_007
     path.write_bytes(bytes(zeros) + heartbeats([START_US + 1000 * k for k in range(40)]))

@@ -70,7 +70,7 @@ def test_a_log_becomes_precedents_with_its_provenance(folder: Path, short_log: P
 
 
 @pytest.mark.slow
-def test_a_log_of_the_simulator_is_flown_only_if_told_so(short_log: Path, tmp_path: Path) -> None:
+def test_a_log_of_the_simulator_is_flown_only_if_stated(short_log: Path, tmp_path: Path) -> None:
     add = ("precedents", "add", short_log, "--label", "normal", "--actuator", "rudder", "-d", tmp_path)
     individual = tmp_path / "individual.tlog"
     write_tlog(fly(Flight(seed=42, duration_s=15.0, individuals=7)), individual)
@@ -212,7 +212,7 @@ def labelled(own_logs: Path, table: str, base: Path, *whose: str | Path) -> Path
     return base
 
 
-def told_by(own_logs: Path, model: Path, *whose: str | Path) -> dict[str, str]:
+def decided_by(own_logs: Path, model: Path, *whose: str | Path) -> dict[str, str]:
     """What a model decides on the new log, by actuator."""
     decide = ("--model", model, "--decide", "network", "--json")
     judged = mavhums("analyse", own_logs / "new.tlog", *decide, *whose)
@@ -233,7 +233,7 @@ def test_labels_alone_decide_the_verdicts(
     assert "8 logs (4 normal, 4 friction_emergency): 4 train, 2 calibrate, 2 measure" in trained.output
     assert re.search(r"on precedents not trained on \d", trained.output)
     assert ("no network of windows" in trained.output) is not constants
-    said = told_by(own_logs, model, *whose)
+    said = decided_by(own_logs, model, *whose)
     worn, healthy = ("emergency", "normal") if table == "labels" else ("normal", "emergency")
     assert said == dict.fromkeys(SURFACES, healthy) | {"elevator": worn}
     exported = tmp_path / "new.parquet"
@@ -250,7 +250,7 @@ def test_labels_against_the_simulation_are_followed_at_their_weight(
     options = f"train --flights 2 --networks 10 --flown-weight 1000 --precedents {base} -o {model}".split()
     trained = mavhums(*options)
     assert trained.exit_code == 0, trained.output
-    said = told_by(own_logs, model)
+    said = decided_by(own_logs, model)
     assert (said["elevator"], said["rudder"]) == ("normal", "emergency")
 
 
@@ -266,10 +266,10 @@ def test_a_command_that_distinguishes_the_classes_is_warned_of(fault: str, tmp_p
         measured = np.isin(np.arange(12), [1, 2], invert=True) & np.isfinite(values)
         label = fault if worn else "normal"
         base.add(provenance(number, "elevator", label), (time_s * 1e6).astype(np.int64), values, measured)
-    told: list[str] = []
+    lines: list[str] = []
     flown = of_precedents(FlownFlights(base, load_airframe("paper"), seed=1), TRAINS)
     with pytest.warns(CommandLeakWarning, match=r"Cramér's V 0\.[5-9]"):
-        samples, *_ = training_samples(flown, (), "precedents", told.append)
-    assert "Cramér's V" in told[0]
+        samples, *_ = training_samples(flown, (), "precedents", lines.append)
+    assert "Cramér's V" in lines[0]
     # No network is asked with an angle that is not measured.
     assert np.isnan(samples).all(axis=0).tolist() == [k in (1, 2) for k in range(12)]

@@ -83,7 +83,7 @@ def test_no_split_but_that_of_sequences_has_a_run_on_both_sides(rig: Path) -> No
     assert seen[STAGES] == 1
 
 
-def test_the_report_tells_every_split_and_what_the_strokes_show(
+def test_the_report_has_every_split_and_what_the_strokes_show(
     rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tiny = Size(folds=2, networks=5, trees=20, constants=("run",))

@@ -197,7 +197,7 @@ def test_packaged_models_say_how_they_were_made() -> None:
 
 @pytest.mark.slow
 def test_every_condition_flies_the_same_command_and_shows_what_it_is() -> None:
-    """Twelve actuators a cyclogram: those that the simulator makes of a fault are told by one statistic."""
+    """Twelve actuators a cyclogram: one statistic shows those that the simulator makes of a fault."""
     telemetry = TELEMETRY["instrumented"]
     flown = fly_windows(ACTUATOR, telemetry, 2, seed=11)
     classes = np.array(classes_of(telemetry))[flown.classes]

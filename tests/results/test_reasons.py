@@ -1,4 +1,4 @@
-"""The table of messages: each row is told and asserted, has something to do, and names what exists."""
+"""The table of messages: each row is used and asserted, has something to do, and names what exists."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WITHOUT_REMEDY = {"own_unchanged", "propeller_escs", "no_angle"}
 
 
 @pytest.mark.parametrize("folder", ["mavhums", "tests"])
-def test_each_row_is_told_by_a_room_and_asserted_by_a_test(folder: str) -> None:
+def test_each_row_is_used_by_a_room_and_asserted_by_a_test(folder: str) -> None:
     texts = set()
     for path in (ROOT / folder).rglob("*.py"):
         if path.name not in ("reasons.py", Path(__file__).name) or path.parent.name == "verdict":
@@ -36,7 +36,7 @@ def test_each_reason_has_something_to_do_with_commands_and_options_that_exist() 
         assert set(calls) <= COMMANDS.keys(), code
 
 
-def test_several_reasons_are_told_once_each_the_binding_one_first() -> None:
+def test_several_reasons_are_given_once_each_the_binding_one_first() -> None:
     still, short = Reason("own_still", quantity="friction"), Reason("telemetry_too_short", needed_s=10)
     assert said(short, still, short) == {
         "reason": f"{short.text}; {still.text}",

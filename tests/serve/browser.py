@@ -23,7 +23,7 @@ class Served(NamedTuple):
     """A running ``mavhums serve``: its address, its output so far, its process."""
 
     url: str
-    told: list[str]
+    lines: list[str]
     process: subprocess.Popen[str]
 
 
@@ -34,10 +34,10 @@ def served(*arguments: str | Path, lines: int = 2) -> Iterator[Served]:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout
     try:
-        told = [process.stdout.readline().strip() for _ in range(lines)]
-        found = re.search(r"https?://\S+", told[0])
-        assert found, told
-        yield Served(found[0].rstrip("/"), told, process)
+        printed = [process.stdout.readline().strip() for _ in range(lines)]
+        found = re.search(r"https?://\S+", printed[0])
+        assert found, printed
+        yield Served(found[0].rstrip("/"), printed, process)
     finally:
         process.terminate()
         process.wait(timeout=30)

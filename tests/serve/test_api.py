@@ -38,7 +38,7 @@ def page(store: Path, folder: Path) -> Iterator[Served]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TMPDIR", str(folder))
         with served("--store", store, *options, lines=3) as page:
-            assert "WARNING" in page.told[1]
+            assert "WARNING" in page.lines[1]
             yield page
 
 
@@ -56,9 +56,9 @@ def test_a_log_goes_in_and_its_assessment_comes_out(
 ) -> None:
     answer = client.post("/logs", params={"name": "../growing.tlog"}, content=growing_log.read_bytes())
     assert answer.status_code == 200
-    told = answer.json()
-    jsonschema.validate(told, json_schema())
-    assert told["log"]["path"] == "growing.tlog"
+    reply = answer.json()
+    jsonschema.validate(reply, json_schema())
+    assert reply["log"]["path"] == "growing.tlog"
     own = analyse(growing_log)
     assert Assessment.model_validate_json(answer.content).verdicts == tuple(
         verdict.model_copy(update={"own": ()}) for verdict in own.verdicts
@@ -81,9 +81,9 @@ def test_what_is_refused_says_why_and_what_to_do(
 ) -> None:
     answer = client.post("/logs", params={"name": "notes.txt"}, content=content)
     assert answer.status_code == status
-    told = answer.json()
-    assert told["problem"].startswith(problem)
-    assert told["remedy"]
+    reply = answer.json()
+    assert reply["problem"].startswith(problem)
+    assert reply["remedy"]
     assert "mavhums-page-" not in answer.text
 
 
@@ -102,10 +102,10 @@ def test_every_wrong_question_is_answered_with_problem_and_remedy(client: httpx.
     }
     for answer, status in asked.items():
         assert answer.status_code == status, answer.text
-        told = answer.json()
-        assert told["problem"]
-        assert told["remedy"]
-        assert set(told) == {"problem", "remedy"}
+        reply = answer.json()
+        assert reply["problem"]
+        assert reply["remedy"]
+        assert set(reply) == {"problem", "remedy"}
 
 
 def test_a_store_is_asked_as_on_the_command_line(client: httpx.Client, store: Path) -> None:

@@ -119,7 +119,7 @@ def test_an_answer_that_takes_longer_than_a_header_arrives() -> None:
 
 
 @pytest.mark.slow
-def test_where_all_are_at_work_the_new_one_is_told() -> None:
+def test_where_all_are_at_work_the_new_one_gets_an_answer() -> None:
     with serving(most_of_address=1) as port, socket.create_connection(("127.0.0.1", port)) as busy:
         busy.sendall(b"GET /3 HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         time.sleep(0.5)

@@ -32,7 +32,7 @@ def last_flight(
     return LastFlightOf(aircraft=aircraft, log=log, start_utc=start_utc, verdict=verdict, standing=standing)
 
 
-def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
+def test_an_aircraft_is_shown_by_its_worst_and_the_order_is_kept() -> None:
     one, never = "2026-01-01T09:00:00+00:00", "1970-01-01T00:00:00+00:00"
     rows = [
         last_flight("D-B", "b.tlog", one, verdict("elevator", "emergency", fault="hard_over")),
@@ -56,10 +56,10 @@ def test_an_aircraft_is_told_by_its_worst_and_the_order_is_kept() -> None:
 def test_what_grows_is_not_called_normal() -> None:
     grows = standing("normal", GROWS)
     shown = aircraft_table([last_flight("D-A", "a.tlog", None, verdict("rudder", "normal"), grows)])
-    assert shown.rows[0][1:4] == [[Mark("changed", "grows")], f"rudder: {TOLD}", "1 grows"]
+    assert shown.rows[0][1:4] == [[Mark("changed", "grows")], f"rudder: {LIFE}", "1 grows"]
 
 
-TOLD = (
+LIFE = (
     "friction grows by 0.005 N·m a flight since flight 3 (2026-03-03);"
     " 9 flights (5–14), about 2026-04-07, until degraded; more than 80 flights until emergency"
 )
@@ -87,8 +87,8 @@ def trend(actuator: str, fault: str, *, grows: bool = False, last: float = 0.2) 
         for day, value in enumerate(values)
     ]
     (found,) = trend_report(map(PastFlight.of, flights)).trends
-    told = {"quantity": "play", "unit": "°", "limit": 0.5, "emergency": 0.9, "reason": "it does not grow"}
-    return found.model_copy(update=told | {"growth": GROWS if grows else None, "flights_left": None})
+    fields = {"quantity": "play", "unit": "°", "limit": 0.5, "emergency": 0.9, "reason": "it does not grow"}
+    return found.model_copy(update=fields | {"growth": GROWS if grows else None, "flights_left": None})
 
 
 def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_limit() -> None:
@@ -103,7 +103,7 @@ def test_the_trends_to_see_first_are_friction_what_grows_and_what_is_beyond_its_
     assert (len(elevator.first), len(elevator.others)) == (1, 1)
     assert len(rudder.first) == 2
     shown = rudder.first[0].chart
-    assert (shown["title"], shown["life"]) == ("play, °", TOLD)
+    assert (shown["title"], shown["life"]) == ("play, °", LIFE)
     assert shown["caption"].startswith("flight 12: 0.2 (0.1 to 0.3) °, 95 % interval")
     assert elevator.first[0].chart["life"] == "It does not grow"
     (chart,) = json.loads(elevator.more.unescape())["charts"]

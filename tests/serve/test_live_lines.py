@@ -24,21 +24,21 @@ LINK = dict.fromkeys(LinkStatus.model_fields, 0) | {"age_s": 0.1, "contested": (
 
 
 def start() -> dict[str, Any]:
-    told = {"schema": "mavhums.live/1", "notice": "n", "version": "1", "links": ["udpin:1"], "airframe": None}
-    return {"event": "start", "utc": UTC, **told, "record": None, "signed_only": False}
+    more = {"schema": "mavhums.live/1", "notice": "n", "version": "1", "links": ["udpin:1"], "airframe": None}
+    return {"event": "start", "utc": UTC, **more, "record": None, "signed_only": False}
 
 
 def status(uptime_s: float, condition: str = "normal") -> dict[str, Any]:
     actuator = dict.fromkeys(ActuatorStatus.model_fields) | {"vehicle": 1, "actuator": "<b>elevator"}
     actuator |= dict.fromkeys(("condition", "held", "worst"), condition)
     actuator |= {"stale": False, "rate_hz": 50.0, "suspects": [], "late": 0}
-    told = {"uptime_s": uptime_s, "actuators": [actuator], "link": LINK, "record": None}
-    return {"event": "status", "utc": UTC, **told}
+    more = {"uptime_s": uptime_s, "actuators": [actuator], "link": LINK, "record": None}
+    return {"event": "status", "utc": UTC, **more}
 
 
 def change(time_s: float) -> dict[str, Any]:
-    told = {"vehicle": 1, "actuator": "elevator", "time_s": time_s, "since_s": 0.0, "before": "normal"}
-    return {"event": "condition", "utc": UTC, **told, "after": "degraded", "fault": None, "rule": "r"}
+    more = {"vehicle": 1, "actuator": "elevator", "time_s": time_s, "since_s": 0.0, "before": "normal"}
+    return {"event": "condition", "utc": UTC, **more, "after": "degraded", "fault": None, "rule": "r"}
 
 
 def write(path: Path, *objects: dict[str, Any]) -> None:

@@ -65,8 +65,8 @@ def test_a_dropped_log_becomes_the_answer_with_its_plots(
     assert set(browser.js(buttons)) == {"Reset axes"}, "others lead to other servers"
     _point_at(browser, f"{CHARTS}[0]")
     titles = ".hovertext tspan.line:first-child"
-    told = f"[...document.querySelectorAll('{titles}')].map(one => one.textContent)"
-    browser.wait(f"{told}.length == 4 && new Set({told}).size == 1")  # one cursor for all
+    titles_shown = f"[...document.querySelectorAll('{titles}')].map(one => one.textContent)"
+    browser.wait(f"{titles_shown}.length == 4 && new Set({titles_shown}).size == 1")  # one cursor for all
     boxes = "[...document.querySelectorAll('.curves .chart')]"
     part = "{'xaxis.range[0]': 10, 'xaxis.range[1]': 20}"
     browser.js(f"void Plotly.relayout({boxes}[0], {part})")
@@ -148,15 +148,15 @@ def test_several_logs_progress_and_what_is_refused(
         file.truncate(301_000_000)
     browser.open(page.url)
     browser.js(
-        "window.told = new Set(); new MutationObserver(() => document.querySelectorAll('progress')"
-        ".forEach(bar => told.add(bar.getAttribute('aria-label').split(' ')[0])))"
+        "window.words = new Set(); new MutationObserver(() => document.querySelectorAll('progress')"
+        ".forEach(bar => words.add(bar.getAttribute('aria-label').split(' ')[0])))"
         ".observe(document.body, {subtree: true, childList: true, attributes: true}); 1"
     )
     browser.drop([growing_log, healthy_log, odd, tmp_path / "empty.BIN", huge])
     browser.wait("document.querySelectorAll('.headline').length == 2")
     browser.wait("document.querySelectorAll('.uploads .refused').length == 2")
     browser.wait("document.querySelector('.log.refused')")
-    assert {"Uploading", "Judging"} >= set(browser.js("[...told]")) != set()
+    assert {"Uploading", "Judging"} >= set(browser.js("[...words]")) != set()
     refused = browser.js("document.querySelector('.uploads').innerText")
     assert "huge.ulg" in refused
     assert "larger than 300 MB" in refused

@@ -39,8 +39,8 @@ class Proxy(NamedTuple):
     token: str
 
     def ask(self, path: str, method: str = "GET", content: bytes = b"", **headers: str) -> httpx.Response:
-        told = {"host": self.name} | headers
-        sent = self.client.build_request(method, path, content=content, headers=told)
+        fields = {"host": self.name} | headers
+        sent = self.client.build_request(method, path, content=content, headers=fields)
         sent.extensions["sni_hostname"] = NAME
         answer = self.client.send(sent)
         assert all("Secure" in cookie for cookie in answer.headers.get_list("set-cookie"))
@@ -57,12 +57,12 @@ def proxy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Proxy]:
     made = (OPENSSL, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", *subject)
     subprocess.run([*made, "-keyout", str(key), "-out", str(certificate)], check=True, capture_output=True)
     with served("--public-name", f"{NAME}:{port}") as page:
-        behind, token = re.search(r"http://(127\S+)/", page.told[1]), re.search(r"token=(\S+)", page.told[0])
-        assert behind
+        inner, token = re.search(r"http://(127\S+)/", page.lines[1]), re.search(r"token=(\S+)", page.lines[0])
+        assert inner
         assert token
         server = RECIPE.read_text(encoding="utf-8").replace("listen 443 ssl", f"listen 127.0.0.1:{port} ssl")
         server = server.replace(f"/etc/ssl/{NAME}.pem", str(certificate))
-        server = server.replace(f"/etc/ssl/{NAME}.key", str(key)).replace("127.0.0.1:8080", behind[1])
+        server = server.replace(f"/etc/ssl/{NAME}.key", str(key)).replace("127.0.0.1:8080", inner[1])
         places = ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
         temporary = "".join(f"{place}_temp_path {folder}/{place};\n" for place in places)
         http = f"http {{\naccess_log off;\n{temporary}{server}}}\n"

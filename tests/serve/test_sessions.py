@@ -23,7 +23,7 @@ pytestmark = pytest.mark.anyio
 
 
 class Judged(Workers):
-    """Answers at once what it is told to answer."""
+    """Gives the prepared answer at once."""
 
     def __init__(self, answer: Job | None = None) -> None:
         super().__init__(Quotas())
@@ -79,7 +79,7 @@ async def test_a_log_is_judged_with_the_options_of_the_page(sessions: Sessions) 
 
 
 @pytest.mark.parametrize("sessions", [{"problem": "no log", "remedy": "check it"}], indirect=True)
-async def test_a_failure_is_told(sessions: Sessions) -> None:
+async def test_a_failure_is_reported(sessions: Sessions) -> None:
     log = await sessions.add("a", "a.tlog", content(b"a"))
     session = sessions.get("a")
     await settled(session)

@@ -1,6 +1,6 @@
 """A flight of 100 s with four actuators, as the engine would report it.
 
-The elevator's friction grows from 0.225 to 1.0 N·m, the ailerons stay healthy, the rudder stands still.
+The elevator's friction grows from 0.225 to 1.0 N·m, the ailerons stay healthy, the rudder does not move.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def new_verdict(
         return Verdict(
             **known,
             coverage=Coverage(moving_fraction=0.0, windows=91, decidable=0),
-            reason="it stood still throughout, and friction shows only in motion",
+            reason="it did not move, and friction shows only in motion",
             remedy="record a flight, or a check on the ground, in which it moves for 10 s",
         ).model_copy(update=changes)
     stages = (

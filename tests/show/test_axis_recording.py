@@ -50,8 +50,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
 def test_the_lane_of_an_axis_begins_with_the_flight(recorded: tuple[Path, Any]) -> None:
     times, states = rows(recorded[0], "/vehicle_1/roll", "StateChange:state")
     assert times[0] == 0.0
-    told = [state[0] for state in states]
-    assert (told[0], told[-1]) == ("undecided", "emergency")
+    conditions = [state[0] for state in states]
+    assert (conditions[0], conditions[-1]) == ("undecided", "emergency")
     _, lone = rows(recorded[0], "/vehicle_1/elevator", "StateChange:state")
     assert [state[0] for state in lone] == ["unmonitored"]
 

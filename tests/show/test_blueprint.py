@@ -80,7 +80,7 @@ def test_many_actuators_leave_room_below() -> None:
     assert left.row_shares[0] == pytest.approx(0.5)
 
 
-def test_beside_the_actuators_stand_modes_airframe_and_map() -> None:
+def test_beside_the_actuators_are_modes_airframe_and_map() -> None:
     one = Lane("/vehicle_1/elevator", "elevator", "normal", "normal", ALL)
     around = Surroundings(("/flight_mode/vehicle_1",), "/airframe/vehicle_1", ("/position/vehicle_1",))
     found = list(names(layout([one], around).root_container))

@@ -31,7 +31,7 @@ def test_a_gap_is_a_gap_and_numbers_are_short_and_finite() -> None:
 def test_modes_are_of_each_vehicle() -> None:
     modes = [(0.5, "MANUAL"), (20.0, HOSTILE)]
     curve = Curve(np.array([1.0, 2.0]), np.zeros((2, 3)))
-    drawn = flight_charts([CaptionedCurve(1, HOSTILE, "told", curve, modes=modes)], 30.0)
+    drawn = flight_charts([CaptionedCurve(1, HOSTILE, "caption", curve, modes=modes)], 30.0)
     (one,) = drawn["charts"]
     assert "\x1b" not in one["title"]
     assert (one["vehicle"], one["since"]) == (1, None)

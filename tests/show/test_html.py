@@ -194,7 +194,7 @@ def test_a_surface_that_profile_and_parameters_name_is_drawn_once() -> None:
     assert (part.name, part.by, part.condition) == ("aileron_left", "roll control", "emergency")
 
 
-def test_labels_stand_beside_the_curve_and_apart() -> None:
+def test_labels_are_beside_the_curve_and_apart() -> None:
     curve = Curve(np.arange(10.0), np.tile([0.4, 0.5, 0.6], (10, 1)))
     limits = Limit(0.65, "emergency up to"), Limit(0.66, "degraded below")
     drawn = plot(CaptionedCurve(1, "", "", curve, limits), 10.0)
@@ -251,20 +251,20 @@ def test_an_alarm_shows_what_was_asked_against_what_was_flown(
         suspects=(Suspect(fault=fault, confidence=0.99),), friction_nm=None, network=None,
         coverage=Coverage(moving_fraction=0.0, windows=34, decidable=0),
     )  # fmt: skip
-    told = Tags(page(new_assessment(verdict), gathered(trace)))
-    assert [tag for tag, attributes in told.tags if attributes.get("class") == "demand"] == ["path"]
-    assert f"{axis} control: {words}" in told.text
-    assert "farthest apart at 22.0s, by 45" in told.text
-    assert [tag for tag, attributes in told.tags if attributes.get("class") == "reference"] == ["rect"]
-    assert "0 of 34" not in told.text
-    assert "9.1 times the healthy scatter, limit 8.0" in told.text
+    parsed = Tags(page(new_assessment(verdict), gathered(trace)))
+    assert [tag for tag, attributes in parsed.tags if attributes.get("class") == "demand"] == ["path"]
+    assert f"{axis} control: {words}" in parsed.text
+    assert "farthest apart at 22.0s, by 45" in parsed.text
+    assert [tag for tag, attributes in parsed.tags if attributes.get("class") == "reference"] == ["rect"]
+    assert "0 of 34" not in parsed.text
+    assert "9.1 times the healthy scatter, limit 8.0" in parsed.text
 
 
 def test_every_alarm_of_an_actuator_shows_its_curve_though_it_has_passed() -> None:
     evidence = Evidence(kind="backlash", start_s=12.0, end_s=33.0, value=2.0, rule="emergency: play")
     verdict = new_verdict("elevator", "normal", evidence=(evidence,))
-    told = Tags(page(new_assessment(verdict), gathered(indication(fault="backlash"))))
-    assert "elevator: backlash" in told.text
+    parsed = Tags(page(new_assessment(verdict), gathered(indication(fault="backlash"))))
+    assert "elevator: backlash" in parsed.text
 
 
 @needs(REAL_LOGS / "alfa")
@@ -278,10 +278,10 @@ def test_every_alarm_of_an_actuator_shows_its_curve_though_it_has_passed() -> No
 )
 def test_each_alarm_of_a_real_flight_shows_its_curve(log: str, tmp_path: Path) -> None:
     assessment = analyse(REAL_LOGS / "alfa" / log, report=tmp_path / "report.html")
-    told = Tags((tmp_path / "report.html").read_text(encoding="utf-8"))
+    parsed = Tags((tmp_path / "report.html").read_text(encoding="utf-8"))
     alarmed = [one for one in assessment.verdicts if one.worst == "emergency"]
     assert alarmed
-    titles = re.findall(r"(\w+) control: (?:evidence of|side force|roll rate|\w+ angle)", told.text)
+    titles = re.findall(r"(\w+) control: (?:evidence of|side force|roll rate|\w+ angle)", parsed.text)
     assert titles[0] == assessment.ranked()[0].actuator
     assert {verdict.actuator for verdict in alarmed} <= {*titles}
 

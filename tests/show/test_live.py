@@ -146,7 +146,7 @@ def test_a_viewer_that_opens_a_file_listens_on_the_loopback_address() -> None:
 
 
 @pytest.mark.usefixtures("no_screen")
-def test_a_viewer_that_cannot_run_is_told(flight: Flight) -> None:
+def test_a_viewer_that_cannot_run_is_reported(flight: Flight) -> None:
     with LiveViewer("window", recording_id="flight") as viewer:
         end = time.monotonic() + 60
         while viewer.trouble is None and time.monotonic() < end:

@@ -71,9 +71,9 @@ def test_report_and_tables_speak_of_motors(assessment: Assessment) -> None:
     assert not re.search("trim|surface|stops", " ".join(column.title for column in table.columns))
 
 
-def test_an_octas_places_are_told_apart() -> None:
-    told = [place_of(angle) for angle in (22.5, 67.5, 112.5, 157.5, -22.5, -67.5, -112.5, -157.5)]
-    assert len(set(told)) == 8
+def test_an_octas_places_differ() -> None:
+    places = [place_of(angle) for angle in (22.5, 67.5, 112.5, 157.5, -22.5, -67.5, -112.5, -157.5)]
+    assert len(set(places)) == 8
 
 
 def test_the_recording_draws_the_motors_in_their_colours(assessment: Assessment, tmp_path: Path) -> None:
@@ -109,12 +109,12 @@ def test_a_motor_that_never_changes_has_the_condition_of_its_verdict(
     assert rows(path, "/vehicle_1/motor_3", "StateChange:state")[1] == [[condition]]
 
 
-@pytest.mark.parametrize(("least_us", "told"), [(1498, "never commanded"), (None, "no pulse in the log")])
+@pytest.mark.parametrize(("least_us", "range_us"), [(1498, "never commanded"), (None, "no pulse in the log")])
 def test_an_output_that_the_log_does_not_record_is_not_called_at_rest(
-    least_us: int | None, told: str, assessment: Assessment
+    least_us: int | None, range_us: str, assessment: Assessment
 ) -> None:
     at_rest = {"name": "rudder", "commanded": False, "bearing_deg": None, "least_us": least_us}
     rudder = assessment.usage[0].outputs[0].model_copy(update=at_rest)
     used = assessment.usage[0].model_copy(update={"outputs": (rudder,)})
     [row] = usage(used, several=False).rows
-    assert row[:2] == ["rudder (servo 1)", told]
+    assert row[:2] == ["rudder (servo 1)", range_us]

@@ -122,7 +122,7 @@ def test_conditions_change_where_they_did_and_not_where_it_was_certain(
     assert len(set(style["StateConfiguration:colors"])) == len(COLOURS) + 1
 
 
-def test_what_happened_is_told(recording: Path) -> None:
+def test_what_happened_is_shown(recording: Path) -> None:
     _, texts = rows(recording, "/events", "TextLog:text")
     _, levels = rows(recording, "/events", "TextLog:level")
     lines = [text for (text,) in texts]
@@ -248,8 +248,8 @@ def test_the_profile_of_a_vehicle_draws_its_limits(
     path = write(tmp_path / "own.rrd", events, assessment)
     _, [found] = scalars(path, "/vehicle_1/elevator/friction")
     assert found[3:].tolist() == [0.1, 0.2]
-    told = static(path, "/vehicle_1/elevator/friction")["SeriesLines:names"]
-    assert told[3:] == ["degraded above 0.1", "emergency from 0.2"]
+    names = static(path, "/vehicle_1/elevator/friction")["SeriesLines:names"]
+    assert names[3:] == ["degraded above 0.1", "emergency from 0.2"]
 
 
 @pytest.mark.parametrize("start", [None, "2025-06-01T10:00:00", "2025-06-01T12:00:00+02:00"])

@@ -72,7 +72,7 @@ def test_since_outlives_rounding() -> None:
     assert markdown(new_assessment(verdict)).startswith("# DEGRADED: elevator degraded since 1m00s\n")
 
 
-def test_evidence_of_any_kind_is_told_and_of_very_much_the_first_and_the_last() -> None:
+def test_evidence_of_any_kind_is_shown_and_of_very_much_the_first_and_the_last() -> None:
     one = Evidence(kind="supply_sag", start_s=0, end_s=1, value=0.0, limit=2.0, rule="below the bus")
     times = ({"start_s": float(k), "end_s": k + 1.0, "value": k / 10} for k in range(60))
     many = tuple(one.model_copy(update=each) for each in times)
@@ -85,16 +85,16 @@ def test_evidence_of_any_kind_is_told_and_of_very_much_the_first_and_the_last() 
 def test_indicators_of_a_suspect_are_in_a_table() -> None:
     value = Interval(estimate=0.21, low=0.19, high=0.23)
     own = Interval(estimate=0.05, low=0.04, high=0.06)
-    for baseline, told in ((own, " 0.040 to 0.060 |"), (None, "\n")):
+    for baseline, end in ((own, " 0.040 to 0.060 |"), (None, "\n")):
         backlash = Indicator(
             fault="backlash", quantity="dead band", unit="°", value=value, windows=9, baseline=baseline
         )
         text = markdown(new_assessment(new_verdict("elevator", "degraded", indicators=(backlash,))))
-        assert f"| dead band, ° | 0.210 (0.190 to 0.230) | — |{told}" in text
+        assert f"| dead band, ° | 0.210 (0.190 to 0.230) | — |{end}" in text
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "told"),
+    ("low", "high", "cell"),
     [
         (-0.00473, 0.00279, "-0.0010 (-0.0047 to 0.0028)"),
         (22.579, 22.669, "22.624 (22.579 to 22.669)"),
@@ -103,11 +103,11 @@ def test_indicators_of_a_suspect_are_in_a_table() -> None:
         (0.2, 0.2, "0.200 (0.200 to 0.200)"),
     ],
 )
-def test_a_figure_has_as_many_digits_as_its_interval_supports(low: float, high: float, told: str) -> None:
+def test_a_figure_has_as_many_digits_as_its_interval_supports(low: float, high: float, cell: str) -> None:
     value = Interval(estimate=(low + high) / 2, low=low, high=high)
     shown = Indicator(fault="x", quantity="loss", unit="1", value=value, windows=9, limit=0.08)
     verdict = new_verdict("elevator", "degraded", 0.5, 1.0, indicators=(shown,))
-    assert f"| loss | {told} | 0.08 |" in markdown(new_assessment(verdict))
+    assert f"| loss | {cell} | 0.08 |" in markdown(new_assessment(verdict))
 
 
 def test_an_answer_to_publish_names_no_folder_and_no_board(assessment: Assessment) -> None:

@@ -40,8 +40,8 @@ def left(estimate: float, low: float, high: float) -> Interval:
 
 
 def servo(number: int) -> Verdict:
-    told = {"subject": "actuator", "reason": UNSEEN, "remedy": "record its current"}
-    return axis(f"aileron (servo {number})", "unmonitored", **told)
+    fields = {"subject": "actuator", "reason": UNSEEN, "remedy": "record its current"}
+    return axis(f"aileron (servo {number})", "unmonitored", **fields)
 
 
 def copter(kind: str, reason: str, remedy: str) -> tuple[Verdict, Verdict]:
@@ -57,7 +57,7 @@ def shown(assessment: Assessment, width: int = 200, *, verbose: bool = False) ->
 
 
 @pytest.mark.parametrize(
-    ("verdict", "told"),
+    ("verdict", "left"),
     [
         (axis(), "no loss"),
         (axis(condition="undecided"), None),
@@ -69,11 +69,11 @@ def shown(assessment: Assessment, width: int = 200, *, verbose: bool = False) ->
         (axis(condition="degraded", effectiveness=left(0.25, 0.19, 0.31), evidence=(LATE,)), SLOW[58:-1]),
     ],
 )
-def test_a_figure_is_told_as_far_as_it_can_be_relied_on(verdict: Verdict, told: str | None) -> None:
-    assert control_left(verdict) == told
+def test_a_figure_is_shown_as_far_as_it_can_be_relied_on(verdict: Verdict, left: str | None) -> None:
+    assert control_left(verdict) == left
 
 
-def test_an_interval_that_tells_nothing_is_nowhere() -> None:
+def test_an_interval_that_shows_nothing_is_nowhere() -> None:
     assessment = new_assessment(WIDE)
     for text in (markdown(assessment), page(assessment, EvidenceCollector())):
         assert not re.search("[−-]102", text)
@@ -132,9 +132,9 @@ def test_a_copter_is_one_line() -> None:
     assert text[0] == f"? undecided: {line}"
     assert len(text) == 2  # the headline; earlier flights and the notice
     assert "remedy" not in shown(assessment)
-    for told in (markdown(assessment), page(assessment, EvidenceCollector())):
-        assert line in told
-        assert NO_WINGS not in told
+    for whole in (markdown(assessment), page(assessment, EvidenceCollector())):
+        assert line in whole
+        assert NO_WINGS not in whole
     beside = shown(new_assessment(*both, axis(vehicle=2)))
     assert "vehicle 1: a quadrotor: not judged" in beside
 
@@ -155,7 +155,7 @@ def test_a_headline_names_the_part_and_the_kind_of_fault() -> None:
     servos = [{"surface": "moves with roll", "servo": k} for k in (4, 5)]
     down = "roll control down to 50 %"
     trimmed = "left elevon (servo 2), probably: seems deflected or stuck, pulls left"
-    for candidates, evidence, told in (
+    for candidates, evidence, begin in (
         ((left_ | because, right), (trim, less), trimmed),
         ((left_, right), (less,), f"left elevon (servo 2), right elevon (servo 1) or both: {down}"),
         (servos, (less,), f"servo 4, servo 5 or both (they move with roll): {down}"),
@@ -163,20 +163,20 @@ def test_a_headline_names_the_part_and_the_kind_of_fault() -> None:
     ):
         verdict = axis("roll", "emergency", **lost, candidates=candidates, evidence=evidence)
         text = headline(new_assessment(verdict)).text
-        assert text.startswith(told)
+        assert text.startswith(begin)
         assert text.endswith("since 2m29s")
 
 
 @pytest.mark.parametrize(
-    ("kind", "told"),
+    ("kind", "words"),
     [("crash", "crash: crash reported at 1m20s"), ("contact", "contact: probably hit something")],
 )
-def test_a_crash_is_not_a_plain_undecided(kind: str, told: str) -> None:
+def test_a_crash_is_not_a_plain_undecided(kind: str, words: str) -> None:
     happened = {"kind": kind, "vehicle": 1, "time_s": 80.0, "said": "Crash: Disarming"}
     unknown = new_assessment(axis(condition="undecided", reason="too short", remedy="fly longer"))
     assessment = unknown.model_copy(update={"events": (FlightEvent.model_validate(happened),)})
     first = shown(assessment).splitlines()[0]
-    assert told in first
+    assert words in first
     assert "roll control not judged" in first
     assert assessment.exit_code == unknown.exit_code
     assert headline(assessment).condition in ("emergency", "degraded")
@@ -198,13 +198,13 @@ def test_the_headline_of_an_event_says_what_to_inspect(kind: str, todo: str, ver
     unknown = axis(condition="undecided", reason="too short", remedy="fly longer")
     well = axis(condition="normal", reason="3 s were judged")
     lost = axis("roll", "emergency", advice="do not fly; inspect aileron")
-    for verdict, told in (
+    for verdict, line in (
         (unknown, f"What to do: {todo}"),
         (well, f"What to do: {todo}"),
         (lost, f"What to do: do not fly; inspect aileron; {todo}"),
     ):
         assessment = new_assessment(verdict).model_copy(update={"events": (event,)})
-        assert told in shown(assessment, verbose=verbose)
+        assert line in shown(assessment, verbose=verbose)
         assert ("what to do: fly longer" in shown(assessment, verbose=verbose)) == (verdict is unknown)
 
 

@@ -112,7 +112,7 @@ def test_every_kind_of_surface_has_a_place_of_its_own() -> None:
     assert by_name["ruddervator_left"].roll == -by_name["ruddervator_right"].roll
 
 
-def test_flight_modes_have_a_lane_and_are_told(tmp_path: Path) -> None:
+def test_flight_modes_have_a_lane_and_are_named(tmp_path: Path) -> None:
     modes = [FlightMode(1, 0.0, "MANUAL"), FlightMode(1, 5.0, "AUTO"), FlightMode(1, 9.0, "MANUAL")]
     path = write(tmp_path / "modes.rrd", modes, new_assessment())
     time, states = rows(path, "/flight_mode/vehicle_1", "StateChange:state")
@@ -198,7 +198,7 @@ def test_what_shows_another_fault_is_drawn_with_its_interval(
 
 
 def test_the_fault_in_question_lies_in_front() -> None:
-    """A maintainer who is told of backlash wants to see it, not that the friction is as it should be."""
+    """A maintainer who reads of backlash wants to see it, not that the friction is as it should be."""
     friction = "Friction, N·m"
     shown = {"sensor_bias": "Sensor bias, °", "supply_sag": "Supply sag, V", "friction": friction}
     faults = {fault: (title, f"/x/{fault}") for fault, title in shown.items()}

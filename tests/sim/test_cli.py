@@ -96,16 +96,16 @@ def test_unwritable_file_is_one_line_and_exits_1(tmp_path: Path, simulate: Run) 
 
 def test_friction_is_integrated_as_the_paper_says(tmp_path: Path, simulate: Run) -> None:
     """Karnopp's method counts slow motion as rest, so the two flights differ, and little."""
-    told = []
+    truths = []
     for method in ("impulse", "karnopp"):
         log = tmp_path / f"{method}.tlog"
         asked = ("--duration", "5", "--friction-method", method, "--fault", "rudder=jam:10@1..2")
         assert simulate("flight", "-o", log, *asked).code == 0
-        told.append(truth_of(log)["actuators"])
-    moved = [truth["elevator"]["moving_fraction"] for truth in told]
+        truths.append(truth_of(log)["actuators"])
+    moved = [truth["elevator"]["moving_fraction"] for truth in truths]
     assert moved[0] != moved[1]
     assert moved[0] == pytest.approx(moved[1], abs=0.05)
-    assert told[0]["rudder"]["conditions"][0]["until_s"] == 2.0
+    assert truths[0]["rudder"]["conditions"][0]["until_s"] == 2.0
 
 
 def test_flight_takes_faults_individuals_and_a_link(tmp_path: Path, simulate: Run) -> None:

@@ -122,7 +122,7 @@ def test_controller_believes_a_biased_sensor(healthy: Array) -> None:
     assert np.median(worn[:, 2] - healthy[:, 2]) == pytest.approx(0.0, abs=0.05)
 
 
-def test_jammed_shaft_stands_while_the_motor_pushes() -> None:
+def test_jammed_shaft_rests_while_the_motor_pushes() -> None:
     jammed = flown(Condition.step("jam", 10.0, 10.0)).actuators["elevator"].motion
     assert np.ptp(jammed.angle[11_000:]) == 0.0
     assert np.ptp(jammed.command[11_000:]) > 0.0

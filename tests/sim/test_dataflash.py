@@ -18,7 +18,7 @@ from tests.conftest import Run
 from tests.log.dataflash.peer import by_dfreader, differing_columns
 from tests.present import present
 
-UNTOLD_BY_CSRV = [1, 5, 7, 8, 10, 11]  # but V7, which follows from V10
+NOT_IN_CSRV = [1, 5, 7, 8, 10, 11]  # but V7, which follows from V10
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +72,8 @@ def test_a_flight_recorded_twice_gets_the_same_verdicts(
     record: FlightRecord, on_board: Path, tmp_path: Path
 ) -> None:
     """The telemetry log carries what CSRV carries, and nothing else of the actuators."""
-    untold = np.where(np.isin(np.arange(12), UNTOLD_BY_CSRV), np.nan, 1.0)
-    actuators = {name: replace(one, values=one.values * untold) for name, one in record.actuators.items()}
+    carried = np.where(np.isin(np.arange(12), NOT_IN_CSRV), np.nan, 1.0)
+    actuators = {name: replace(one, values=one.values * carried) for name, one in record.actuators.items()}
     flight = replace(record.flight, tiers=("instrumented", "pwm"))
     write_tlog(replace(record, actuators=actuators, flight=flight), tmp_path / "flight.tlog")
     ours, theirs = by_actuator(analyse(on_board)), by_actuator(analyse(tmp_path / "flight.tlog"))

@@ -30,10 +30,10 @@ def version(number: int = 0, uid: int = 0, uid2: bytes = b"") -> Any:
     return v2.MAVLink_autopilot_version_message(0, number, 0, 0, 0, *custom, 0, 0, uid, list(uid2))
 
 
-def seconds_of(count: int, first: int = 0, **told: Any) -> Seconds:
+def seconds_of(count: int, first: int = 0, **values: Any) -> Seconds:
     """Return seconds with these signals, each a value, a row, or what fits; the others are not known."""
     signals = {
-        name: np.array(np.broadcast_to(told.get(name, np.nan), (count, RATE_HZ, width)), dtype=np.float64)
+        name: np.array(np.broadcast_to(values.get(name, np.nan), (count, RATE_HZ, width)), dtype=np.float64)
         for name, width in {**CONTINUOUS, **STEPPED}.items()
     }
     signals |= {f"{name}_spacing": np.full((count, RATE_HZ, 1), 0.1) for name in CONTINUOUS}

@@ -66,7 +66,7 @@ def test_where_the_log_begins_and_ends(
     ids=["wing", "against the wind", "copter"],
 )
 def test_a_wing_that_does_not_move_has_landed_however_high(kind: float, airspeed: float, ends: str) -> None:
-    """It lands 20 m above its take-off and stands for ten seconds; a copter would hover there."""
+    """It lands 20 m above its take-off and rests for ten seconds; a copter would hover there."""
     speed = np.r_[np.zeros(10), np.full(50, 15.0), np.full(10, 0.5)]
     through_air = np.where(np.arange(70) < 60, speed, airspeed)
     altitude = np.r_[FLIGHT, np.full(10, 20.0)]

@@ -102,7 +102,7 @@ def test_driving_forward_is_measured_along_the_heading(kind: float, speed: float
         ({"state": [BOAT, ARDUPILOT, 1.0, AUTO]}, 3),
     ],
 )
-def test_rows_tell_speeds_and_rates_of_every_source_apart(changes: dict[str, Any], speed: int) -> None:
+def test_rows_separate_speeds_and_rates_of_every_source(changes: dict[str, Any], speed: int) -> None:
     flight, ranks = seconds(4, **changes), np.array([0, 1, 2, 1])
     flight.ranks["rates"][:] = ranks
     followed = Flight(None)
@@ -158,7 +158,7 @@ def test_three_seconds_come_before_the_first_row_that_counts_and_after_each_brea
     assert flight.lasted_s("slow") == 1 / RATE_HZ
 
 
-def test_only_spacings_in_flight_count_and_the_middle_one_tells_the_rate() -> None:
+def test_only_spacings_in_flight_count_and_the_middle_one_gives_the_rate() -> None:
     still, moving = seconds(20, state=[PLANE, ARDUPILOT, 0.0, AUTO]), seconds(10, first=20, outputs=1500.0)
     for signals in (still.signals, moving.signals):
         signals["outputs_spacing"][:] = 0.5 if signals is still.signals else 0.04
@@ -245,7 +245,7 @@ def test_lift_motors_end_forward_flight() -> None:
     assert flight.lasted_s("lift") == 0.0
 
 
-def test_kinds_that_parameters_tell() -> None:
+def test_kinds_that_parameters_show() -> None:
     plane, copter = Identity(1, "fixed wing"), Identity(1, "quadrotor", multirotor=True)
     quadplane = {"Q_ENABLE": 1.0}
     for values, kind, turns in (

@@ -126,7 +126,7 @@ def test_every_sample_is_counted() -> None:
 
 
 def test_what_is_kept_of_a_hostile_stream_is_bounded() -> None:
-    """One stream stands still, or creeps, while another one goes on."""
+    """One stream does not change, or creeps, while another one goes on."""
     grid = Grid(0)
     for k in range(200):
         rows = [("attitude", k + j * 1e-6) for j in range(500)]

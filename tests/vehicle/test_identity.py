@@ -62,9 +62,9 @@ def test_autopilots_are_those_of_mavlink() -> None:
     for autopilot, entry in v2.enums["MAV_AUTOPILOT"].items():
         found = heard("HEARTBEAT", (1, autopilot, 0, 0), BEAT)
         name = entry.name.removeprefix("MAV_AUTOPILOT_")
-        told = found.of(1).autopilot
-        assert (told is None) == (name not in named.values()), name
-        assert told is None or named[told] == name
+        known = found.of(1).autopilot
+        assert (known is None) == (name not in named.values()), name
+        assert known is None or named[known] == name
 
 
 @pytest.mark.parametrize(("kind", "autopilot"), [(6, 8), (6, 0), (26, 8), (18, 3), (27, 0), (2, 8)])
@@ -128,7 +128,7 @@ def test_a_text_names_the_kind_until_the_vehicle_says_its_own(
         assert (who.kind, who.multirotor, who.autopilot) == ("hexarotor", True, "PX4")
 
 
-def told_by_ulog(path: Path, *, kind: int, release: bytes) -> Identities:
+def identities_of_ulog(path: Path, *, kind: int, release: bytes) -> Identities:
     start, state = 1_000_000, "uint64_t timestamp;uint8_t system_type;uint8_t[7] _padding0;"
     parts = [writer.header(start), writer.form("vehicle_status", state)]
     parts += [writer.keyed("I", "char[3] sys_name", b"PX4"), writer.parameter("MAV_SYS_ID", 7)]
@@ -143,7 +143,7 @@ def told_by_ulog(path: Path, *, kind: int, release: bytes) -> Identities:
 
 @pytest.mark.parametrize("text", [b"", b"99999999999", b"-5", b"1.5", "٣".encode()])
 def test_a_ulog_names_type_and_firmware(tmp_path: Path, text: bytes) -> None:
-    found = told_by_ulog(tmp_path / "one.ulg", kind=2, release=text)
+    found = identities_of_ulog(tmp_path / "one.ulg", kind=2, release=text)
     assert found.vehicles == (7,)
     who = found.of(7)
     assert (who.multirotor, who.kind) == (True, "quadrotor")
@@ -151,7 +151,7 @@ def test_a_ulog_names_type_and_firmware(tmp_path: Path, text: bytes) -> None:
 
 
 def test_an_undefined_type_in_a_ulog_is_no_type(tmp_path: Path) -> None:
-    who = told_by_ulog(tmp_path / "one.ulg", kind=200, release=b"").of(7)
+    who = identities_of_ulog(tmp_path / "one.ulg", kind=200, release=b"").of(7)
     assert (who.kind, who.software) == (None, "PX4 1.16.0")
 
 

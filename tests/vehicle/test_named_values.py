@@ -44,7 +44,7 @@ def test_a_log_with_ever_new_names_is_bounded() -> None:
 def test_inspect_lists_them_with_their_rate(run: Run, tmp_path: Path, name: str) -> None:
     path = tmp_path / "flight.tlog"
     path.write_bytes(log([name], seconds=21))
-    told = json.loads(run("inspect", path, "--json").out)
+    inspection = json.loads(run("inspect", path, "--json").out)
     expected = {
         "system": 7,
         "message": "NAMED_VALUE_FLOAT",
@@ -52,7 +52,7 @@ def test_inspect_lists_them_with_their_rate(run: Run, tmp_path: Path, name: str)
         "count": 21,
         "rate_hz": round(21 / 20.5, 2),
     }
-    assert expected in told["named"]
+    assert expected in inspection["named"]
     shown = run("inspect", path, "--messages").out
     assert name in shown
     assert "named value" in shown

@@ -160,7 +160,7 @@ def test_of_several_outputs_the_median_of_their_shares_counts() -> None:
 def test_of_several_outputs_one_that_is_stuck_is_ignored_unless_they_mix(
     functions: tuple[int, ...], axis: int, ignored: bool
 ) -> None:
-    """The first output stands at half its travel for 3 s, while the others move as one."""
+    """The first output stays at half its travel for 3 s, while the others move as one."""
     moves = 1500 + 100 * np.sin(np.arange(60) / 3)
     pulses = np.full((60, 32), np.nan)
     pulses[:, : len(functions)] = moves[:, None]

@@ -53,9 +53,9 @@ def followed(flown: Seconds, thrust: Any, block: int = 1000) -> tuple[Array, lis
     ],
 )
 def test_each_evidence_has_its_trust(signals: dict[str, float], thrust: float, flies: bool) -> None:
-    stands = np.arange(30) < 10
-    told = {k: np.where(stands, 0.0 if k == "altitude" else NAN, v) for k, v in signals.items()}
-    airborne, events, _ = followed(seconds(attitude=np.zeros(30), **told), np.where(stands, 0.0, thrust))
+    at_rest = np.arange(30) < 10
+    values = {k: np.where(at_rest, 0.0 if k == "altitude" else NAN, v) for k, v in signals.items()}
+    airborne, events, _ = followed(seconds(attitude=np.zeros(30), **values), np.where(at_rest, 0.0, thrust))
     assert airborne[15:].all() == flies == bool(events)
     assert not airborne[: 10 if flies else 30].any()
 

@@ -15,7 +15,7 @@ SURFACES = {"PWM_AUX_FUNC1": 201.0, "PWM_AUX_FUNC3": 202.0}
 MOTORS = {f"PWM_MAIN_FUNC{n}": 100.0 + n for n in range(1, 5)}
 DSHOT = {"PWM_MAIN_TIM0": -3.0}
 CAN = {f"UAVCAN_EC_FUNC{n}": 100.0 + n for n in range(1, 5)}
-SENT = {  # the outputs of each driver before and after arming, and what pulses they stand for
+SENT = {  # the outputs of each driver before and after arming, and the pulses that they mean
     "main": ([1000.0] * 4, [1200.0, 1300.0, 1400.0, 1500.0], [1200.0, 1300.0, 1400.0, 1500.0]),
     "dshot": ([0.0] * 4, [110.0, 600.0, 1000.0, 1999.0], [1055.0, 1300.2, 1500.3, 2000.0]),
     "can": ([0.0] * 4, [1.0, 2000.0, 4095.5, 8191.0], [1000.1, 1244.2, 1500.0, 2000.0]),

@@ -31,14 +31,14 @@ TEXT = v2.MAVLink_statustext_message(6, b"CubeOrange 00112233 44556677 8899AABB"
 
 
 def test_the_board_says_the_same_in_a_message_and_in_a_text() -> None:
-    told = version(uid2=bytes(range(0, 0xBC, 0x11)))
-    assert heard(TEXT).of(1).board == heard(told).of(1).board == "00112233445566778899AABB"
+    message = version(uid2=bytes(range(0, 0xBC, 0x11)))
+    assert heard(TEXT).of(1).board == heard(message).of(1).board == "00112233445566778899AABB"
 
 
 def test_px4s_board_is_the_same_in_a_message_and_in_a_ulog() -> None:
     uid = bytes([0, 6, 0, 0, 0, 0, *range(0x30, 0x3C)])
-    told = writer.keyed("I", "char[36] sys_uuid", uid.hex().encode())
-    log = writer.flight(1.0).replace(writer.keyed("I", "char[3] sys_name", b"PX4"), told)
+    board = writer.keyed("I", "char[36] sys_uuid", uid.hex().encode())
+    log = writer.flight(1.0).replace(writer.keyed("I", "char[3] sys_name", b"PX4"), board)
     identities = Identities()
     identities.feed(Decoder().feed(log, final=True))
     assert identities.of(7).board == heard(version(uid2=uid)).of(1).board == uid.hex().upper()
@@ -51,7 +51,7 @@ def test_simulated_boards_are_known() -> None:
     assert all(str(board).endswith(" D1219C7C4C5404AAA1F6D2A48ADFDA4") for board in ids)
 
 
-def test_a_serial_number_stands_for_a_board_that_is_not_told() -> None:
+def test_a_serial_number_replaces_a_board_that_is_not_recorded() -> None:
     serial, unset, boots = (
         v2.MAVLink_param_value_message(name, value, 9, 1, 0)
         for name, value in ((b"BRD_SERIAL_NUM", 17.0), (b"BRD_SERIAL_NUM", 0.0), (b"STAT_BOOTCNT", 205.0))

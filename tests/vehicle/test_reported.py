@@ -128,8 +128,8 @@ def test_a_text_is_quoted_and_counted(counts: bool, text: str) -> None:
     for time_s in (7.0, 9.0):
         events.of(1).hear_text(time_s, text)
     found = [event for event in events.gathered(frozenset())[0] if event.kind == "fault"]
-    told = {"vehicle": 1, "time_s": 7.0, "subject": "the autopilot", "said": f'"{text}"', "value": 2}
-    assert [one.model_dump(exclude_none=True) for one in found] == [{"kind": "fault", **told}] * counts
+    fields = {"vehicle": 1, "time_s": 7.0, "subject": "the autopilot", "said": f'"{text}"', "value": 2}
+    assert [one.model_dump(exclude_none=True) for one in found] == [{"kind": "fault", **fields}] * counts
 
 
 NUMBERS = st.lists(st.integers(0, 2**16 - 1), min_size=3, max_size=40)

@@ -95,7 +95,7 @@ def test_an_overridden_output_is_replaced_by_what_the_mixer_asks() -> None:
     ],
 )
 def test_few_overridden_outputs_are_replaced(frame: str, off: int, replaced: bool) -> None:
-    """More than a third of them differ where the mixer is at a limit: then it tells less than they do."""
+    """More than a third of them differ where the mixer is at a limit: then it shows less than they do."""
     count = len(FRAMES[frame].factors)
     sent, asked = np.full((2, 32), np.nan), np.tile([0.0, 0.0, 0.0, 0.5], (2, 1))
     command = np.full((2, count), 0.5)

@@ -154,7 +154,7 @@ def test_gusts_are_no_lie() -> None:
 
 
 def test_nothing_is_compared_with_a_wind_that_is_not_known() -> None:
-    """On one heading airspeed and wind cannot be told apart: the usual ratio is not learned there."""
+    """On one heading airspeed and wind look alike: the usual ratio is not learned there."""
     assert all(trusted(np.where(np.arange(240) < 120, 1.0, 1.25), turn_s=1e9))
 
 

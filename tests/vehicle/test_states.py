@@ -19,7 +19,7 @@ PLANE, COPTER, GCS = 1, 2, 6
 ARDUPILOT, PX4, NONE = 3, 12, 8
 
 
-def told(data: bytes, *, step: int | None = None, wanted: bool = True) -> list[Event]:
+def states(data: bytes, *, step: int | None = None, wanted: bool = True) -> list[Event]:
     _, events = judged(data, size=step or len(data), vehicle_states=wanted)
     return [e for e in events if isinstance(e, Attitude | Position | FlightMode)]
 
@@ -39,7 +39,7 @@ def heartbeat(kind: int, autopilot: int, base: int, custom: int) -> Any:
 
 def test_attitudes_on_the_senders_clock() -> None:
     data = log(attitude(1000, 0.1), attitude(1040, 0.2), attitude(1040, 9.0), attitude(1120, np.nan))
-    (found,) = told(data)
+    (found,) = states(data)
     assert isinstance(found, Attitude)
     np.testing.assert_allclose(found.time_s, [0.0, 0.04])
     np.testing.assert_allclose(found.roll_pitch_yaw_rad, [[0.1, 0.2, -1.0], [0.2, 0.2, -1.0]], rtol=1e-6)
@@ -57,11 +57,11 @@ def test_a_position_lies_on_the_earth_and_not_where_none_is_known(
     row = np.array([(degrees[0] * 1e7, degrees[1] * 1e7, 5000.0)], dtype=fields)
     table = table_of("GLOBAL_POSITION_INT", row, time_us=[7_200_000_000])
     found = list(VehicleStates().feed({table.name: table}, start_us=3_600_000_000))
-    told = [(event.time_s[0], event.altitude_m[0]) for event in found if isinstance(event, Position)]
-    assert told == [(3600.0, 5.0)] * is_one
+    positions = [(event.time_s[0], event.altitude_m[0]) for event in found if isinstance(event, Position)]
+    assert positions == [(3600.0, 5.0)] * is_one
 
 
-def test_time_that_runs_back_or_stands_is_left_out_over_the_blocks() -> None:
+def test_time_that_runs_back_or_stops_is_left_out_over_the_blocks() -> None:
     """A clock without a date begins at 0, or below."""
     states, heard = VehicleStates(), []
     for block in ([-3, -1], [-2, -1, 0], [0, 4, 3, 5]):
@@ -78,7 +78,7 @@ def test_flight_modes_by_autopilot_and_vehicle() -> None:
     said = [(*plane, 89, 10), (*plane, 217, 10), (GCS, NONE, 0, 0)]  # the second is armed, in the same mode
     said += [(COPTER, ARDUPILOT, 89, 6), (PLANE, PX4, 81, 3 << 16), (*plane, 89, 99)]
     beats = [heartbeat(*one) for one in said]
-    modes = [(event.time_s, event.mode) for event in told(log(*beats)) if isinstance(event, FlightMode)]
+    modes = [(event.time_s, event.mode) for event in states(log(*beats)) if isinstance(event, FlightMode)]
     assert modes == [(0.0, "AUTO"), (0.3, "RTL"), (0.4, "POSCTL"), (0.5, "Mode(99)")]
 
 
@@ -102,13 +102,13 @@ def test_the_last_hundred_modes_wait_for_a_text_that_names_the_kind() -> None:
 def test_one_component_speaks_for_the_vehicle() -> None:
     still = heartbeat(PLANE, NONE, 0, 0)
     other = log(still, still, attitude(5000, 3.0), component=154)
-    (found,) = told(log(attitude(1000, 0.1)) + other)
+    (found,) = states(log(attitude(1000, 0.1)) + other)
     assert isinstance(found, Attitude)
     np.testing.assert_allclose(found.roll_pitch_yaw_rad[:, 0], [0.1], rtol=1e-6)
 
 
 def test_it_costs_nothing_where_it_is_not_wanted() -> None:
-    assert told(log(attitude(1000, 0.1), heartbeat(PLANE, ARDUPILOT, 89, 10)), wanted=False) == []
+    assert states(log(attitude(1000, 0.1), heartbeat(PLANE, ARDUPILOT, 89, 10)), wanted=False) == []
 
 
 SHOWN = ("UAVLogViewer__vtol.tlog", "Jordinaa-supervisor__mav.tlog", "plane_normal.mavproxy.tlog")
@@ -126,7 +126,7 @@ def test_modes_of_real_logs_are_pymavlinks_own(path: Path) -> None:
             last[system] = mode
             expected.append((system, mode))
     link.f.close()
-    found = told(path.read_bytes(), step=65_536)
+    found = states(path.read_bytes(), step=65_536)
     modes = [(event.vehicle, event.mode) for event in found if isinstance(event, FlightMode)]
     assert modes == expected
     for kind in (Attitude, Position):

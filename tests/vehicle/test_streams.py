@@ -128,7 +128,7 @@ def test_a_stream_is_left_for_one_that_costs_a_fifth_less() -> None:
     assert lost.index(1) == 11  # two of ten: 0.4 · 0.8 > 0.3
 
 
-def test_an_outage_of_the_whole_link_tells_nothing_about_a_stream() -> None:
+def test_an_outage_of_the_whole_link_shows_nothing_about_a_stream() -> None:
     before, outage, after = [0.2] * 10, [1.2] * 10, [1.2] * 10
     lost = chosen((0, before + outage + after), (1, before + outage + [0.2] * 10))
     assert lost.index(1) == 21  # as soon as without the outage: the second silent second of the first stream

@@ -178,9 +178,9 @@ def test_of_a_fact(message: str, fields: dict[str, Any], name: str, expected: An
 
 def test_every_numeric_fact_is_here_or_of_the_outputs() -> None:
     elsewhere = {"text", "named value", "script value", "firmware", "board"}
-    told = {(message, name) for message, _, name, _ in FACTS}
-    untold = [(s.message, s.fact) for form in FORMATS for s in form.SOURCES if s.fact not in elsewhere]
-    assert {message for message, name in untold if (message, name) not in told} == {"actuator_outputs"}
+    listed = {(message, name) for message, _, name, _ in FACTS}
+    read = [(s.message, s.fact) for form in FORMATS for s in form.SOURCES if s.fact not in elsewhere]
+    assert {message for message, name in read if (message, name) not in listed} == {"actuator_outputs"}
 
 
 def test_rows_that_do_not_carry_the_fact() -> None:

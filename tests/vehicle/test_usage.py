@@ -28,7 +28,7 @@ def outputs(pulses: NDArray[np.float64]) -> Signal:
 
 
 def state(armed: list[float]) -> Signal:
-    """The armed state, told right after each sample of the outputs."""
+    """The armed state, reported right after each sample of the outputs."""
     return signal("state", np.array([[1.0, 3.0, one, 10.0] for one in armed]), 1)
 
 
@@ -96,11 +96,11 @@ def test_a_clock_that_rewinds_takes_no_time_back() -> None:
     st.sets(st.integers(1, 59), max_size=6),
 )
 def test_it_does_not_depend_on_the_blocks(pulses: list[float], armed: list[float], cuts: set[int]) -> None:
-    wave, told = outputs(np.array(pulses)), state(armed[: len(pulses)])
-    whole, pieces = used(wave, told), Usage()
+    wave, states = outputs(np.array(pulses)), state(armed[: len(pulses)])
+    whole, pieces = used(wave, states), Usage()
     edges = [0, *sorted(cut for cut in cuts if cut < len(pulses)), len(pulses)]
     for a, b in itertools.pairwise(edges):
-        pieces.feed([cut_out(wave, a, b), cut_out(told, a, b)])
+        pieces.feed([cut_out(wave, a, b), cut_out(states, a, b)])
     assert pieces.armed_s == whole.armed_s
     assert pieces.outputs.keys() == whole.outputs.keys()
     for servo, found in whole.outputs.items():

@@ -84,7 +84,7 @@ def test_tilted_motors_lift_until_they_point_forward() -> None:
     assert lift.works(sent(s5=1500, s8=1739))[0]  # 0.8 of 1100 to 1900 µs is 1740 µs
     assert not lift.works(sent(s5=1500, s8=1740))[0]
     assert lift.works(sent(s5=1500, s6=1500, s8=1900))[0], "the motor that does not tilt lifts"
-    assert not lift.works(sent(s5=1500, s8=np.nan))[0], "no tilt is known: the fixed motor tells, and is idle"
+    assert not lift.works(sent(s5=1500, s8=np.nan))[0], "no tilt is known: the fixed one counts, and is idle"
     reversed_ = lift_of(TILTROTOR | {"SERVO8_REVERSED": 1.0})
     assert not reversed_.works(sent(s5=1500, s8=1100))[0]
     assert reversed_.works(sent(s5=1500, s8=1900))[0]

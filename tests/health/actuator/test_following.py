@@ -80,7 +80,7 @@ def test_an_angle_that_drifts_shows_the_lag_within_a_second(slew_deg_s: float, w
 @pytest.mark.parametrize("cyclogram", ["takeoff", "gusts"])
 @pytest.mark.parametrize("lost_v", [23.0, 25.0])
 def test_a_weak_supply_is_found_without_its_voltage(lost_v: float, cyclogram: str) -> None:
-    """With 2 V left the shaft may stand against the load for seconds, which is a jam as well."""
+    """With 2 V left the shaft may rest against the load for seconds, which is a jam as well."""
     seen = telemetry(flown(Condition.constant("supply_sag", lost_v), cyclogram=cyclogram, seconds=60.0))
     seen.values[:, column("V4")] = np.nan
     _, findings = watch(seen)

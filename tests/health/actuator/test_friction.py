@@ -116,7 +116,7 @@ def test_the_interval_covers_the_truth_as_often_as_it_says(v11: bool) -> None:
 
 
 def test_a_torque_constant_of_its_own_is_seen_in_the_back_emf() -> None:
-    """The motor's k_t is 5 % below the data sheet's: V8 = k_t·V5 says too much, and V4 tells."""
+    """The motor's k_t is 5 % below the data sheet's: V8 = k_t·V5 says too much, and V4 shows it."""
     time_s, values = synthetic(0.4)
     torque = values[:, column("V8")] * EMA.gear_ratio
     speed = values[:, column("V7")] * PAPER.rad_s(1.0)
@@ -239,6 +239,6 @@ def test_a_friction_that_may_be_that_of_the_load_is_no_verdict() -> None:
     assert judged(time_s, values, with_load_friction(0.3)).condition == "emergency"
 
 
-def test_a_friction_beyond_any_share_of_the_load_stands() -> None:
+def test_a_friction_beyond_any_share_of_the_load_remains() -> None:
     time_s, values = loaded(2.5, 0.3)
     assert judged(time_s, values, with_load_friction(None)).worst == "emergency"

@@ -23,7 +23,7 @@ ERROR = 0.01
 
 
 class Wear(Detector):
-    """A detector that shows what it is told to; the quantity is normal up to 0.5."""
+    """A detector that shows the given values; the quantity is normal up to 0.5."""
 
     fault = "wear"
     quantity = "wear"
@@ -45,7 +45,7 @@ class Bias(Wear):
 
 
 class Friction(Wear):
-    """Of friction the normal episodes are told, too."""
+    """Of friction the normal episodes are reported, too."""
 
     fault = "friction"
 
@@ -142,7 +142,7 @@ def test_an_indicator_is_the_whole_flights_with_its_interval_and_limits() -> Non
 
 
 def test_what_the_whole_flight_shows_ends_no_episode_of_its_windows() -> None:
-    """The windows tell nothing for six seconds and are normal then; the whole flight is degraded."""
+    """The windows show nothing for six seconds and are normal then; the whole flight is degraded."""
     followed = tracker(Friction(whole=one(0.7)))
     follow(followed, [np.nan] * 6 + [0.2] * 30)
     followed.conclude(NOTHING, 0.0, 46.0)

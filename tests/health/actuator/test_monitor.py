@@ -151,9 +151,9 @@ def test_the_first_emergency_is_the_first_window_in_which_the_network_says_so() 
     first_s = present(present(findings.network).first_emergency_s)
     assert first_s == windows[0].start_s + 5.0
     assert 26.0 < first_s < 38.0
-    told = [item for item in findings.evidence if item.kind == "network"]
-    assert [item.rule.split(":")[0] for item in told] == ["degraded", "emergency"]
-    assert told[1].start_s == pytest.approx(first_s, abs=3.0)
+    episodes = [item for item in findings.evidence if item.kind == "network"]
+    assert [item.rule.split(":")[0] for item in episodes] == ["degraded", "emergency"]
+    assert episodes[1].start_s == pytest.approx(first_s, abs=3.0)
 
 
 OWN = {"friction": Baseline(mean=0.225, error=0.001, flights=12, between=0.003, spread=0.004)}
@@ -231,7 +231,7 @@ def test_a_fault_that_no_run_of_windows_shows_is_an_alarm_at_the_finish() -> Non
             assert alarm.rule.endswith(", over the whole flight")
 
 
-def test_a_bias_larger_than_the_play_is_told_in_flight_with_the_load_on_one_flank() -> None:
+def test_a_bias_larger_than_the_play_is_found_in_flight_with_the_load_on_one_flank() -> None:
     worn = Condition.constant("sensor_bias", 0.8)
     seen = telemetry(flown(worn, rate_hz=25.0, seconds=100.0, cyclogram="cruise", seed=901))
     events, findings = watch(seen)

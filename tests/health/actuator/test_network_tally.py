@@ -71,8 +71,8 @@ def test_a_change_counts_from_the_middle_of_its_first_window_and_the_worst_stays
     assert [one.probability for one in found.classes.values()] == pytest.approx([0.7, 0.8])
     spans = [(one.start_s, one.end_s) for one in tally.evidence()]
     assert spans == [(0.0, 25.0), (25.0, 45.0), (45.0, 69.0)]
-    told = [(one.rule.split(":")[0], one.value) for one in tally.evidence()]
-    assert told == [("normal", 0.7), ("emergency", 0.8), ("normal", 0.7)]
+    episodes = [(one.rule.split(":")[0], one.value) for one in tally.evidence()]
+    assert episodes == [("normal", 0.7), ("emergency", 0.8), ("normal", 0.7)]
 
 
 @pytest.mark.parametrize(

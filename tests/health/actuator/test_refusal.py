@@ -118,7 +118,7 @@ def test_its_telemetry_is_as_slow_as_the_profile_allows() -> None:
 @pytest.mark.parametrize("lost", [0.55, 0.7, 0.8, 0.9])
 @pytest.mark.parametrize("rate_hz", [25.0, 100.0])
 def test_a_lost_torque_constant_is_a_verdict_and_no_reason(lost: float, rate_hz: float) -> None:
-    """No current tells a torque any more, so the friction is unknown; the loss itself is not."""
+    """No current shows a torque any more, so the friction is unknown; the loss itself is not."""
     _, findings = watch(telemetry(flown(Condition.constant("torque_constant", lost), rate_hz=rate_hz)))
     assert findings.condition in ("degraded", "emergency")
     assert "torque_constant" in [suspect.fault for suspect in findings.suspects]

@@ -92,7 +92,7 @@ def test_a_load_that_is_measured_does_not_excuse_a_jam() -> None:
     assert [findings.condition for findings in found] == ["emergency", "undecided"]
 
 
-def test_magnitudes_show_the_winding_where_the_shaft_stands() -> None:
+def test_magnitudes_show_the_winding_where_the_shaft_rests() -> None:
     flight = flown(Fault.constant("resistance", 8.0), rate_hz=25.0, cyclogram="turns", seed=943)
     seen, measured = reported(telemetry(flight), "esc-unsigned")
     _, findings = watch(seen, measured=measured)

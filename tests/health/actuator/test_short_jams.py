@@ -1,4 +1,4 @@
-"""A jam of a few seconds is told with its beginning and its end, also when it frees itself."""
+"""A jam of a few seconds is found with its beginning and its end, also when it frees itself."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ BARE = actuator_of().model_copy(update={"ema": None, "limits": None})
     ("start_s", "lasting_s", "rate_hz"),
     [(20.0, 1.5, 10.0), (23.37, 2.0, 50.0), (23.37, 3.0, 50.0), (21.2, 6.0, 50.0), (20.9, 8.0, 10.0)],
 )
-def test_a_short_jam_is_told_with_beginning_and_end(start_s: float, lasting_s: float, rate_hz: float) -> None:
+def test_a_short_jam_is_found_from_beginning_to_end(start_s: float, lasting_s: float, rate_hz: float) -> None:
     jam = Condition("jam", 10.0, 10.0, start_s, start_s + lasting_s)
     _, findings = watch(telemetry(flown(jam, rate_hz=rate_hz, seconds=60.0)))
     assert (findings.condition, findings.worst) == ("normal", "emergency")
-    told = [e for e in findings.evidence if e.kind == "jam" and e.rule.startswith("emergency")]
-    assert len(told) == 1
-    assert told[0].start_s == pytest.approx(start_s, abs=2.0)
-    assert told[0].end_s == pytest.approx(start_s + lasting_s, abs=2.0)
+    jams = [e for e in findings.evidence if e.kind == "jam" and e.rule.startswith("emergency")]
+    assert len(jams) == 1
+    assert jams[0].start_s == pytest.approx(start_s, abs=2.0)
+    assert jams[0].end_s == pytest.approx(start_s + lasting_s, abs=2.0)
 
 
 @pytest.mark.slow
@@ -58,7 +58,7 @@ def test_a_pause_of_the_link_is_no_jam() -> None:
     [(0.95, 0.6, "emergency"), (0.95, 0.45, "undecided"), (0.7, 0.7, "undecided")],
 )
 @pytest.mark.parametrize("signed", [True, False])
-def test_a_shaft_that_stands_at_stall_has_jammed(
+def test_a_shaft_at_rest_at_stall_has_jammed(
     share: float, lasting_s: float, worst: str, *, signed: bool
 ) -> None:
     """It follows before and after, so that no longer time leaves out most of the command."""

@@ -107,7 +107,7 @@ def slowed(flight: Rows, tau_s: float, from_s: int) -> Rows:
 
 
 @pytest.mark.parametrize(
-    ("axis", "spacing", "told"),
+    ("axis", "spacing", "judged"),
     [
         ("roll", 0.1, True),
         ("roll", 0.35, True),
@@ -116,16 +116,16 @@ def slowed(flight: Rows, tau_s: float, from_s: int) -> Rows:
         ("pitch", 0.5, False),
     ],
 )
-def test_streams_below_three_hertz_give_no_reference(axis: str, spacing: float, told: bool | None) -> None:
+def test_streams_below_three_hertz_give_no_reference(axis: str, spacing: float, judged: bool | None) -> None:
     """In pitch this flight explains nothing, whatever its rate."""
     gain = EffectivenessTracker(axis)
     gain.feed(replace(rolling(80, lost(99, 1.0)), spacing=np.full(80 * 20, spacing)))
-    assert (gain.reference is not None) is bool(told)
-    assert gain.too_slow is (told is False)
+    assert (gain.reference is not None) is bool(judged)
+    assert gain.too_slow is (judged is False)
 
 
-@pytest.mark.parametrize(("damping", "told"), [(-2.0, True), (2.0, False)])
-def test_a_pitch_reference_without_damping_is_refused(damping: float, told: bool) -> None:
+@pytest.mark.parametrize(("damping", "judged"), [(-2.0, True), (2.0, False)])
+def test_a_pitch_reference_without_damping_is_refused(damping: float, judged: bool) -> None:
     """An undamped aircraft flies under an autopilot that damps it, and q̇ answers to its demand as well."""
     flight, demand = steady(60), excited(60)
     rate = np.zeros(demand.size)
@@ -136,7 +136,7 @@ def test_a_pitch_reference_without_damping_is_refused(damping: float, told: bool
     flight["pitch_rate"] = rate
     gain = EffectivenessTracker("pitch")
     gain.feed(rows(flight))
-    assert (gain.reference is not None) is told
+    assert (gain.reference is not None) is judged
 
 
 def test_a_doubted_airspeed_gives_no_effectiveness() -> None:

@@ -21,7 +21,7 @@ START = datetime(2026, 5, 1, tzinfo=UTC)
 
 
 def flown(seconds: int, *, left: float = 1.0, from_s: int = 0, astray: tuple[int, int] | None = None) -> Rows:
-    """Ailerons that stand still for 220 s; ``left`` of their effect from a second on; a bank ``astray``."""
+    """Ailerons that do not move for 220 s; ``left`` of their effect from a second on; a bank ``astray``."""
     made = steady(seconds)
     n = len(made["speed"])
     still = np.arange(n) < QUIET_S * 20
@@ -57,7 +57,7 @@ def test_an_early_reference_says_nothing_of_the_kind() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("block", [7, 600])
-def test_a_reference_taken_while_a_fault_stands_does_not_end_it(block: int) -> None:
+def test_a_reference_taken_during_a_fault_does_not_end_it(block: int) -> None:
     flight, monitor = flown(600, astray=(180, 200)), AxisMonitor(1)
     for begin in range(0, 600, block):
         list(monitor.feed(flight.cut(begin, min(begin + block, 600))))

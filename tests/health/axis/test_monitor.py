@@ -85,7 +85,7 @@ def test_a_second_at_less_than_half_the_speed_of_flight_shows_a_take_off(
         assert (monitor.well("roll") == "normal") is known
 
 
-class Told:
+class Alarming:
     """A detector of alarms that are given."""
 
     def __init__(self, *alarms: Alarm) -> None:
@@ -100,10 +100,10 @@ def about(axis: str, end_s: int, fault: str = "hard_over", **how: Any) -> Alarm:
     return alarm(end_s, fault, **how)._replace(axis=axis)
 
 
-def told(*alarms: Alarm, skids: Told | None = None) -> list[tuple[str, float, str]]:
+def changes_by(*alarms: Alarm, skids: Alarming | None = None) -> list[tuple[str, float, str]]:
     """Return the changes that alarms make of a flight without a reference: axis, onset and condition."""
     monitor: Any = AxisMonitor(1)
-    monitor._detectors, monitor._skids, monitor._responses = [Told(*alarms)], skids or Told(), {}
+    monitor._detectors, monitor._skids, monitor._responses = [Alarming(*alarms)], skids or Alarming(), {}
     for gain in monitor._gains.values():
         gain.feed = lambda rows: []
     return [(one.actuator, one.since_s, one.after) for one in changes_of(monitor, rows(steady(100)))]
@@ -123,10 +123,10 @@ def told(*alarms: Alarm, skids: Told | None = None) -> list[tuple[str, float, st
 def test_a_skid_counts_soon_after_the_aircraft_went_astray_and_hides_what_follows(
     alarms: list[Alarm], skid_s: int, counts: bool
 ) -> None:
-    changed = [axis for axis, *_ in told(*alarms, skids=Told(about("yaw", skid_s)))]
+    changed = [axis for axis, *_ in changes_by(*alarms, skids=Alarming(about("yaw", skid_s)))]
     assert (("roll" if len(alarms) > 1 else "yaw") in changed) is counts
 
 
 def test_a_graver_finding_keeps_the_earlier_onset() -> None:
     mild, grave = about("roll", 50, "slow", since_s=48), about("roll", 60, condition="emergency", since_s=55)
-    assert told(mild, grave) == [("roll", 48.0, "degraded"), ("roll", 48.0, "emergency")]
+    assert changes_by(mild, grave) == [("roll", 48.0, "degraded"), ("roll", 48.0, "emergency")]

@@ -33,7 +33,7 @@ def mixed(side: str, left: float) -> Rows:
 
 
 @pytest.mark.parametrize(("side", "left"), [("right", 0.0), ("left", 0.2), ("both", 0.5)])
-def test_the_coupling_tells_mixed_surfaces_apart(side: str, left: float) -> None:
+def test_the_coupling_separates_mixed_surfaces(side: str, left: float) -> None:
     monitor, flight = AxisMonitor(1, mixed=ELEVONS), mixed(side, left)
     assert [c.after for c in changes_of(monitor, flight)][-1] in ("degraded", "emergency")
     shares = monitor.findings("roll").shares
@@ -54,7 +54,7 @@ def test_the_coupling_shows_a_small_loss_of_one_of_two_mixed_surfaces(side: str)
     assert 100.0 < alarms[0].time_s <= 120.0
 
 
-def test_without_mixed_surfaces_or_without_a_fault_nothing_tells() -> None:
+def test_without_mixed_surfaces_or_without_a_fault_nothing_separates_them() -> None:
     monitor = AxisMonitor(1)
     changes_of(monitor, mixed("left", 0.0))
     assert monitor.findings("roll").shares == {}
@@ -123,7 +123,7 @@ DEFLECTED = {"roll": ("hard_over", 10)}
         ({"roll": ("effectiveness", 11 + MASKED_S), "yaw": ("effectiveness", 10)}, (), {}),
         ({"roll": ("tracking", 11), "yaw": ("effectiveness", 10)}, (), {"roll": "yaw"}),
         ({"pitch": ("effectiveness", 10), "yaw": ("effectiveness", 11)}, (), {}),
-        # A rudder that stands deflected is the origin up to so long after the others, no longer.
+        # A rudder that stays deflected is the origin up to so long after the others, no longer.
         (DEFLECTED | {"yaw": ("hard_over", 10 + MASKED_S)}, (), {"roll": "yaw"}),
         (DEFLECTED | {"yaw": ("hard_over", 11 + MASKED_S)}, (), {"yaw": "roll"}),
         (DEFLECTED | {"yaw": ("tracking", 10 + MASKED_S)}, (), {"yaw": "roll"}),

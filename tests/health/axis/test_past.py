@@ -81,8 +81,8 @@ def test_the_gain_and_the_load_factor_are_one_loss() -> None:
 
 def verdict(condition: Condition = "normal", *, windows: int = 300, **changes: Any) -> Verdict:
     seen = Coverage(windows=windows, decidable=200, moving_fraction=0.5)
-    told = {"reason": "as it was", "remedy": "fly"}
-    return builders.verdict(condition, subject="axis", limits=LIMITS, coverage=seen, **told, **changes)
+    reasons = {"reason": "as it was", "remedy": "fly"}
+    return builders.verdict(condition, subject="axis", limits=LIMITS, coverage=seen, **reasons, **changes)
 
 
 def earlier(mean: float) -> Baseline:

@@ -130,14 +130,14 @@ def test_tracking_goes_on_from_block_to_block_and_begins_anew_after_a_gap(
 
 
 @pytest.mark.parametrize("model", [RollTracking, PitchTracking])
-@pytest.mark.parametrize(("spacing_s", "told"), [(0.41, True), (0.43, False)])
+@pytest.mark.parametrize(("spacing_s", "judged"), [(0.41, True), (0.43, False)])
 def test_a_demand_that_comes_twice_a_second_is_no_evidence(
-    model: type[RollTracking | PitchTracking], spacing_s: float, told: bool
+    model: type[RollTracking | PitchTracking], spacing_s: float, judged: bool
 ) -> None:
     """A pilot's step lies anywhere between two samples, and a sound aircraft seems to lead or to lag."""
     flight = steady(12)
     flight["demand_spacing"] = np.full(12 * RATE_HZ, spacing_s)
-    assert model().feed(rows(flight))[2].any() == told
+    assert model().feed(rows(flight))[2].any() == judged
 
 
 def test_pitch_follows_a_step_and_roll_between_the_demand_and_the_slowest_response() -> None:

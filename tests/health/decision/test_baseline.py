@@ -32,7 +32,7 @@ def test_flights_known_alike_count_alike() -> None:
     assert baseline.flight_variance == pytest.approx(baseline.between**2 + baseline.error**2)
 
 
-def test_a_flight_that_tells_little_counts_little() -> None:
+def test_a_flight_that_shows_little_counts_little() -> None:
     good = [indicator(value, 9, 0.003) for value in (0.218, 0.220, 0.222) * 4]
     poor = [indicator(value, 9, 0.15) for value in (0.26, 0.18, 0.22) * 4]
     alone, together = present(Baseline.of(good)), present(Baseline.of([*good, *poor]))

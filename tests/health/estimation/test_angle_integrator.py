@@ -43,7 +43,7 @@ def test_a_register_that_changes_less_often_than_the_angle_is_coarse(
         assert used.rad_s[3:-3] == pytest.approx(np.radians(100.0))
 
 
-def test_what_the_register_does_not_tell_is_no_step_of_it() -> None:
+def test_what_the_register_does_not_report_is_no_step_of_it() -> None:
     turned = AngleIntegrator(0.5)
     turned.fine_speed(blank(), *second(2 * LEAST, HALF - 1, LEAST))
     assert turned.coarse is True

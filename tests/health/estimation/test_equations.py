@@ -83,7 +83,7 @@ def test_a_single_sample_counts_from_the_moving_speed(times: float, usable: bool
 
 
 def test_the_winding_is_seen_at_standstill_by_magnitudes_alone() -> None:
-    """0.6 V are 0.03 A through 20 Ω; up to the moving speed the shaft stands."""
+    """0.6 V are 0.03 A through 20 Ω; up to the moving speed the shaft is at rest."""
     still = actuator_of().moving_speed_rev_min
     magnitudes = np.array(
         [[4.0, 0.2, still], [4.0, 0.2, still * 1.01], [0.6, 0.03, 0.0], [0.61, 0.03, 0.0], [4.0, np.nan, 0.0]]

@@ -45,8 +45,8 @@ def fed(places: Iterable[int]) -> Fed:
         windows, sofar = fits.feed(slots, motion(actuator, slots))
         for part, found in zip(out, (windows, sofar, fits.whole()), strict=True):
             for name in NAMES:
-                told = {key: np.array(getattr(found[name], key)) for key in SHOWN}
-                part.setdefault(name, []).append(SimpleNamespace(**told))
+                shown = {key: np.array(getattr(found[name], key)) for key in SHOWN}
+                part.setdefault(name, []).append(SimpleNamespace(**shown))
     return out
 
 

@@ -81,14 +81,14 @@ def test_a_motor_that_stops_is_named(tmp_path: Path, frame: str, within_s: float
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("loss", "told"), [(0.0, ["normal"] * 4), (0.5, ["degraded"]), (1.0, ["emergency"])])
-def test_the_on_board_log_says_what_the_link_says(tmp_path: Path, loss: float, told: list[str]) -> None:
+@pytest.mark.parametrize(("loss", "said"), [(0.0, ["normal"] * 4), (0.5, ["degraded"]), (1.0, ["emergency"])])
+def test_the_on_board_log_says_what_the_link_says(tmp_path: Path, loss: float, said: list[str]) -> None:
     flown = fly_with(loss, "quad x", 3)
     write_tlog(flown, tmp_path / "f.tlog", Rates(25.0, 25.0, 25.0), 3)
     write_dataflash(flown, tmp_path / "f.BIN", Rates(25.0, 25.0, 25.0), 3)
     sent, kept = motors(tmp_path / "f.tlog"), motors(tmp_path / "f.BIN")
     assert [(one.actuator, one.condition) for one in sent] == [(one.actuator, one.condition) for one in kept]
-    assert [one.condition for one in sent] == told
+    assert [one.condition for one in sent] == said
     for one, other in zip(sent, kept, strict=True):
         shares = one.effectiveness, other.effectiveness
         assert all(shares) == (loss > 0.0)
@@ -101,21 +101,21 @@ def test_the_on_board_log_says_what_the_link_says(tmp_path: Path, loss: float, t
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("loss", "by_propeller", "told"),
+    ("loss", "by_propeller", "cause"),
     [(0.5, False, "lags"), (0.5, True, "follows"), (1.0, False, "collapsed"), (1.0, True, "follows")],
 )
-def test_its_escs_speed_names_the_cause(tmp_path: Path, loss: float, by_propeller: bool, told: str) -> None:
+def test_its_escs_speed_names_the_cause(tmp_path: Path, loss: float, by_propeller: bool, cause: str) -> None:
     rng = np.random.default_rng([3, 1])
     event = Event(fault_s=40.0, motor=1, loss=loss, by_propeller=by_propeller)
     flown = fly(draw_craft(rng, "hexa x"), draw_plan(rng, 75.0, event=event), 3)
     write_tlog(flown, tmp_path / "f.tlog", Rates(25.0, 25.0, 25.0, esc=10.0), 3)
     [verdict] = motors(tmp_path / "f.tlog")
     [speed] = [one for one in verdict.evidence if one.kind == "speed"]
-    assert told in speed.rule
+    assert cause in speed.rule
     assert ("propeller of motor 2" in (verdict.advice or "")) is by_propeller
 
 
-def test_a_healthy_flight_is_told_what_it_excludes(tmp_path: Path) -> None:
+def test_a_healthy_flight_reports_what_it_excludes(tmp_path: Path) -> None:
     path = log(tmp_path / "f.tlog", "quad x", 0.0, seed=4)
     found = motors(path)
     assert [verdict.actuator for verdict in found] == [f"motor {n}" for n in range(1, 5)]
@@ -131,7 +131,7 @@ def test_a_healthy_flight_is_told_what_it_excludes(tmp_path: Path) -> None:
 
 
 def settled(flown: Flown, hz: float, seed: int, mode: float | None = None) -> Seconds:
-    """Return what a log tells of a flight, on the grid; of an ArduPlane in a mode if one is given."""
+    """Return what a log records of a flight, on the grid; of an ArduPlane in a mode if one is given."""
     rng = np.random.default_rng([seed, 6])
 
     def signal(name: str, rate_hz: float, values: Array) -> Signal:
@@ -176,11 +176,11 @@ def test_an_obstacle_that_holds_the_craft_is_no_motor(held: bool) -> None:
     sent = {"outputs": outputs, "attitude": attitude, "rates": np.zeros((time_s.size, 3)), "demand": asked}
     signals = [Signal(1, name, name, time_us, time_us, values) for name, values in sent.items()]
     seconds = present(Grid(0).feed(signals, final=True))
-    found = [[change.actuator for change in told(seconds, size)] for size in (7, 1000)]
+    found = [[change.actuator for change in changes_of_quad(seconds, size)] for size in (7, 1000)]
     assert found[0] == found[1] == ([] if held else ["motor 2"])
 
 
-def told(seconds: Seconds, size: int) -> list[ConditionChanged]:
+def changes_of_quad(seconds: Seconds, size: int) -> list[ConditionChanged]:
     """Return what is said of a quad's seconds that come in blocks of a size."""
     return judged(MotorMonitor(1, rotors("quad x")), seconds, size)
 
@@ -189,8 +189,8 @@ def judged(monitor: MotorMonitor, seconds: Seconds, size: int = 1000) -> list[Co
     """Return what a monitor says of seconds that come in blocks of a size."""
     count, phases = len(seconds.index), Phases()
     parts = (seconds.part(k, min(k + size, count)) for k in range(0, count, size))
-    told = (one for part in parts for one in monitor.feed(part, phases.feed(part, monitor.rotors)))
-    return [one for one in told if isinstance(one, ConditionChanged)]
+    events = (one for part in parts for one in monitor.feed(part, phases.feed(part, monitor.rotors)))
+    return [one for one in events if isinstance(one, ConditionChanged)]
 
 
 @cache
@@ -230,7 +230,7 @@ def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() ->
     seconds = settled(stopped(), 25.0, 8)
     late = 40  # by then only some of the first seconds are kept
 
-    def told(size: int) -> list[ConditionChanged | Trace]:
+    def events(size: int) -> list[ConditionChanged | Trace]:
         motors, phases = VehicleMotors(1, EngineOptions()), Phases()
         found: list[ConditionChanged | Trace] = []
         for first, last in ((0, late), (late, len(seconds.index))):
@@ -240,8 +240,8 @@ def test_parameters_that_come_late_find_the_same_seconds_however_blocks_end() ->
             motors.by_parameters = rotors("quad x")
         return found
 
-    assert [change.actuator for change in told(1000)] == ["motor 2"]
-    assert told(1) == told(7) == told(1000)
+    assert [change.actuator for change in events(1000)] == ["motor 2"]
+    assert events(1) == events(7) == events(1000)
 
 
 def test_without_parameters_it_says_so(tmp_path: Path) -> None:
@@ -252,56 +252,56 @@ def test_without_parameters_it_says_so(tmp_path: Path) -> None:
     assert verdict.reason_codes == ("motors_unknown",)
 
 
-Told = tuple[float, float, str, str]
+Summary = tuple[float, float, str, str]
 
 
-def said(change: ConditionChanged) -> Told:
+def said(change: ConditionChanged) -> Summary:
     """Return when a change is known, since when it is, and between which conditions."""
     return change.time_s, change.since_s, change.before, change.after
 
 
 def row(row_s: float, motor: int, rows: int, odds: float, share: float = 0.4) -> tuple[float, Array]:
-    """Return a row at which a motor stands out that began to fail some rows before."""
+    """Return a row at which a motor shows a loss that began some rows before."""
     return row_s, np.array([motor, rows, odds, share, share - 0.1, share + 0.2, 1.0])
 
 
 FIRST = row(50.0, 2, 8, 15.0)
-FIRST_TOLD = (50.25, 49.6, "undecided", "degraded")
+FIRST_CHANGE = (50.25, 49.6, "undecided", "degraded")
 DOUBTED = "degraded", "emergency"
 
 
 @pytest.mark.parametrize(
-    ("rows", "told", "several", "kept"),
+    ("rows", "known", "several", "kept"),
     [
-        ([FIRST], [FIRST_TOLD], (), (49.6, 15.0)),
+        ([FIRST], [FIRST_CHANGE], (), (49.6, 15.0)),
         ([row(0.25, 2, 8, 15.0)], [(0.5, 0.0, "undecided", "degraded")], (), (0.0, 15.0)),
         # Another motor within ten seconds.
         (
             [FIRST, row(60.0, 4, 16, 19.0), row(61.0, 2, 60, 50.0)],
-            [FIRST_TOLD, (60.25, 49.6, *DOUBTED)],
+            [FIRST_CHANGE, (60.25, 49.6, *DOUBTED)],
             (2, 4),
             (49.6, 15.0),
         ),
-        ([FIRST, row(60.05, 4, 16, 19.0)], [FIRST_TOLD], (), (49.6, 15.0)),
+        ([FIRST, row(60.05, 4, 16, 19.0)], [FIRST_CHANGE], (), (49.6, 15.0)),
         # The same motor again: the share grows for a while.
-        ([FIRST, row(50.5, 2, 28, 16.0, 0.45)], [FIRST_TOLD], (), (49.1, 16.0)),
-        ([FIRST, row(50.5, 2, 28, 16.0, 0.35)], [FIRST_TOLD], (), (49.6, 15.0)),
-        ([FIRST, row(52.9, 2, 30, 16.0, 0.45)], [FIRST_TOLD], (), (49.6, 16.0)),
-        ([FIRST, row(53.0, 2, 30, 16.0, 0.45)], [FIRST_TOLD], (), (49.6, 15.0)),
+        ([FIRST, row(50.5, 2, 28, 16.0, 0.45)], [FIRST_CHANGE], (), (49.1, 16.0)),
+        ([FIRST, row(50.5, 2, 28, 16.0, 0.35)], [FIRST_CHANGE], (), (49.6, 15.0)),
+        ([FIRST, row(52.9, 2, 30, 16.0, 0.45)], [FIRST_CHANGE], (), (49.6, 16.0)),
+        ([FIRST, row(53.0, 2, 30, 16.0, 0.45)], [FIRST_CHANGE], (), (49.6, 15.0)),
         (
             [FIRST, row(50.5, 2, 28, 16.0, 0.5), row(51.0, 2, 38, 17.0, 0.9), row(52.0, 2, 58, 18.0, 0.95)],
-            [FIRST_TOLD, (50.75, 49.1, *DOUBTED)],
+            [FIRST_CHANGE, (50.75, 49.1, *DOUBTED)],
             (),
             (49.1, 18.0),
         ),
     ],
 )
 def test_what_follows_an_alarm_refines_it_or_makes_it_doubtful(
-    rows: list[tuple[float, Array]], told: list[Told], several: tuple[int, ...], kept: tuple[float, float]
+    rows: list[tuple[float, Array]], known: list[Summary], several: tuple[int, ...], kept: tuple[float, float]
 ) -> None:
     monitor = MotorMonitor(1, rotors("quad x"))
     changes = [change for row_s, shown in rows for change in monitor._alarm(row_s, 0.25, shown)]
-    assert [said(change) for change in changes] == [pytest.approx(each) for each in told]
+    assert [said(change) for change in changes] == [pytest.approx(each) for each in known]
     assert {change.actuator for change in changes} == {"motor 2"}
     findings = monitor.findings()
     loss = present(findings.loss)

@@ -53,10 +53,10 @@ def earlier(flights: int = 4) -> list[list[Verdict]]:
 
 
 @pytest.mark.parametrize("motor", range(4))
-def test_a_worn_propeller_is_told_by_its_motor(motor: int) -> None:
-    told = compared(flight(FLAT, lost=motor, share=0.3), earlier())
-    assert [one.condition == "degraded" for one in told] == [k == motor for k in range(4)]
-    [evidence] = told[motor].evidence
+def test_a_worn_propeller_is_found_by_its_motor(motor: int) -> None:
+    verdicts = compared(flight(FLAT, lost=motor, share=0.3), earlier())
+    assert [one.condition == "degraded" for one in verdicts] == [k == motor for k in range(4)]
+    [evidence] = verdicts[motor].evidence
     assert "4 earlier flights" in evidence.rule
     assert evidence.value == pytest.approx(0.3, abs=0.08)
     assert "weight" not in evidence.rule, "a weight does not move the effort about yaw"

@@ -140,7 +140,7 @@ def test_speeds_are_means_of_half_seconds_unless_they_only_repeat_themselves() -
         heard.hear(2, np.array(time_s), np.array(speeds))
     assert [heard.at(k, [2])[0] for k in range(3)] == pytest.approx([150.0, np.nan, 300.0], nan_ok=True)
     heard.hear(1, np.array([1.1]), np.array([0.0]))
-    assert heard.at(2, [1]).tolist() == [0.0], "a motor that stands turns alike"
+    assert heard.at(2, [1]).tolist() == [0.0], "a motor at rest turns alike"
     assert heard.escs_of([1, 2]) == [0, 1]
     assert heard.escs_of([5, 6]) == [0, 1], "numbered as the motors"
     assert heard.escs_of([2, 1]) == [1, 0]

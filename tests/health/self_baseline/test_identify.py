@@ -20,7 +20,7 @@ def inside(interval: Interval, truth: float) -> bool:
     return interval.low <= truth <= interval.high
 
 
-def test_resistance_back_emf_and_drop_are_told_apart() -> None:
+def test_resistance_back_emf_and_drop_are_separated() -> None:
     found = present(identified([voltage(seed) for seed in range(3)]))
     assert found.flights == 3
     assert found.resistance.estimate == pytest.approx(SERVO.resistance, rel=0.01)

@@ -136,7 +136,7 @@ def test_a_verdict_is_replaced_where_no_limit_or_jam_decides() -> None:
     assert (sound.condition, sound.reason_codes) == ("unchanged", ("own_unchanged",))
 
 
-def test_a_weaker_motor_is_told_from_friction() -> None:
+def test_a_weaker_motor_is_separated_from_friction() -> None:
     """A torque constant that falls by 20 % raises every current by 25 %, and lowers the back-EMF."""
 
     def records(seed: int, left_of_it: float, friction_a: float = 0.05) -> tuple[OwnRecord, OwnRecord]:

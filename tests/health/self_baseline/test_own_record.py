@@ -114,7 +114,7 @@ def test_without_airspeed_the_load_is_free_in_each_flight() -> None:
     assert [KEPT[column] for column in nuisances.free] == ["angle"]
 
 
-def test_friction_that_grows_with_load_is_told_at_one_load() -> None:
+def test_friction_that_grows_with_load_refers_to_one_load() -> None:
     """μ is learned; a flight in heavier air shows the same friction, and the load it was made at."""
     servo = Servo(load_friction=0.3)
     heavier = replace(servo, hinge=2.0 * servo.hinge)

@@ -46,7 +46,7 @@ def compared(
 
 
 @pytest.mark.parametrize(
-    ("current", "strokes", "condition", "told"),
+    ("current", "strokes", "condition", "suspected"),
     [
         (LIKE, {}, "unchanged", []),
         (RISEN, {}, "changed", [CURRENT]),
@@ -60,12 +60,12 @@ def compared(
         (None, {RIPPLE: LIKE}, "undecided", []),
     ],
 )
-def test_strokes_stand_beside_the_equation_and_can_only_add_a_change(
+def test_strokes_are_beside_the_equation_and_can_only_add_a_change(
     monkeypatch: pytest.MonkeyPatch,
     current: Comparison | None,
     strokes: Mapping[object, Comparison],
     condition: Condition,
-    told: list[OwnEquation],
+    suspected: list[OwnEquation],
 ) -> None:
     given = {CURRENT: current, **strokes} if current else strokes
     shown = [one for one in (CURRENT, TWO_WAYS, ROUGHNESS, RIPPLE) if one in given]
@@ -74,7 +74,7 @@ def test_strokes_stand_beside_the_equation_and_can_only_add_a_change(
     assert (first.condition, first.worst) == (condition, condition)
     assert [one.fault for one in first.indicators] == [one.fault for one in shown]
     assert [one.kind for one in first.evidence] == [f"{one.fault}_own" for one in shown]
-    assert [one.fault for one in first.suspects] == [one.fault for one in told]
+    assert [one.fault for one in first.suspects] == [one.fault for one in suspected]
     # What no longer shows itself leaves nothing of the comparison before.
     again = compared(monkeypatch, dict.fromkeys(found, replace(STILL, value=None)), first)
     assert (again.indicators, again.evidence, again.suspects) == ((), (), ())

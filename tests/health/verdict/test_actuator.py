@@ -33,16 +33,16 @@ def verdict(condition: Condition = "degraded", end_s: float = 100.0, **changes: 
     provenance = changes.pop("provenance", {"V5": "A.b", "V7": "A.c"})
     actuator = actuator_of().model_copy(update=changes.pop("actuator", {}))
     seen = Coverage(moving_fraction=0.123456, windows=50, decidable=7, late=5)
-    told: dict[str, Any] = {"evidence": (FOUND,), "indicators": (SHOWN,), "own": (OWN,), "suspects": (SURE,)}
-    told |= {"condition": condition, "worst": "emergency", "since_s": 41.23456, "last_s": 90.0}
-    told |= {"coverage": seen, "friction": VALUE} | changes
-    findings: Any = replace(Monitor(1, actuator).findings(), **told)
+    parts: dict[str, Any] = {"evidence": (FOUND,), "indicators": (SHOWN,), "own": (OWN,), "suspects": (SURE,)}
+    parts |= {"condition": condition, "worst": "emergency", "since_s": 41.23456, "last_s": 90.0}
+    parts |= {"coverage": seen, "friction": VALUE} | changes
+    findings: Any = replace(Monitor(1, actuator).findings(), **parts)
     telemetry = TelemetrySources(1, actuator, TIERS[0], provenance, 2, implausible)
     return verdict_of_actuator(telemetry, findings, start_utc=START, end_s=end_s)
 
 
 @pytest.mark.parametrize(
-    ("condition", "end_s", "told", "expected"),
+    ("condition", "end_s", "judged", "expected"),
     [
         ("degraded", 100.0, "degraded", ()),
         ("degraded", 101.0, "undecided", ("silent",)),
@@ -51,10 +51,10 @@ def verdict(condition: Condition = "degraded", end_s: float = 100.0, **changes: 
     ],
 )
 def test_silence_for_more_than_a_window_is_undecided_and_keeps_the_worst(
-    condition: Condition, end_s: float, told: Condition, expected: tuple[str, ...]
+    condition: Condition, end_s: float, judged: Condition, expected: tuple[str, ...]
 ) -> None:
     found = verdict(condition, end_s)
-    assert (found.condition, found.worst, found.reason_codes) == (told, "emergency", expected)
+    assert (found.condition, found.worst, found.reason_codes) == (judged, "emergency", expected)
     silent = end_s > 100.0
     assert (found.since is None, found.own) == (silent, () if silent else (OWN,))
 
@@ -71,12 +71,12 @@ def test_silence_for_more_than_a_window_is_undecided_and_keeps_the_worst(
         (("V5", "V7"), {}, "none_clear"),
     ],
 )
-def test_what_binds_is_told(measured: tuple[str, ...], changes: dict[str, Any], code: str) -> None:
+def test_what_binds_is_named(measured: tuple[str, ...], changes: dict[str, Any], code: str) -> None:
     provenance = dict.fromkeys(measured, f"A.b{SIGNED_BY_VOLTAGE}")
     assert verdict("undecided", provenance=provenance, **changes).reason_codes == (code,)
 
 
-def test_absurd_values_are_told_before_what_else_is_missing() -> None:
+def test_absurd_values_are_named_before_what_else_is_missing() -> None:
     found = verdict("undecided", implausible={"V5": (21, 100)})
     assert found.reason_codes == ("implausible",)
     assert "21 % of the values of V5 are" in (found.reason or "")

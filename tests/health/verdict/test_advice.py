@@ -42,12 +42,12 @@ LAGS, FOLLOWS = "its speed lags its output (80 %): the ESC, the motor", "its spe
         ((("speed", FOLLOWS), ("thrust", "x: the ESC")), "propeller"),
     ],
 )
-def test_the_speed_of_a_motor_tells_its_propeller_from_the_rest(
+def test_the_speed_of_a_motor_separates_its_propeller_from_the_rest(
     condition: Condition, rules: tuple[tuple[str, str], ...], parts: str
 ) -> None:
-    told = advice("motor 2", condition, subject="motor", evidence=evidence(*rules))
-    assert f"inspect the {parts} of motor 2" in told
-    assert told.startswith("do not fly") == ("without propellers" in told) == (condition == "emergency")
+    text = advice("motor 2", condition, subject="motor", evidence=evidence(*rules))
+    assert f"inspect the {parts} of motor 2" in text
+    assert text.startswith("do not fly") == ("without propellers" in text) == (condition == "emergency")
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_the_speed_of_a_motor_tells_its_propeller_from_the_rest(
         ({"suspects": suspects(friction=0.6, backlash=0.9)}, PLAY),
         ({"suspects": suspects(friction=0.9, backlash=0.6)}, GEAR),
         ({"suspects": suspects(unheard=0.9, backlash=0.6)}, PLAY),
-        # Without a suspect the latest evidence tells, and a suspect goes before any evidence.
+        # Without a suspect the latest evidence decides, and a suspect goes before any evidence.
         ({"evidence": evidence(("friction", ""), ("backlash", ""))}, PLAY),
         ({"evidence": evidence(("backlash", "")), "suspects": suspects(friction=0.1)}, GEAR),
         ({}, WIRING),
@@ -76,7 +76,7 @@ def test_the_surest_suspect_names_the_parts(known: dict[str, Any], parts: str, a
 def test_another_axis_or_a_candidate_with_evidence_comes_first() -> None:
     axis: dict[str, Any] = {"subject": "axis", "suspects": suspects(effectiveness=0.9)}
     assert advice("yaw", "degraded", **axis, consequence_of="roll").startswith("repair what roll control")
-    told, plain = (Candidate(surface=f"{one} elevon", servo=1, because=one) for one in ("left", None))
-    for candidates, first in (((told, plain), "left elevon first, then "), ((plain, told), ""), ((), "")):
+    likely, plain = (Candidate(surface=f"{one} elevon", servo=1, because=one) for one in ("left", None))
+    for candidates, first in (((likely, plain), "left elevon first, then "), ((plain, likely), ""), ((), "")):
         found = advice("roll", "degraded", **axis, candidates=candidates)
         assert found.startswith(f"inspect {first}{EACH} before")

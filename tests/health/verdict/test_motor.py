@@ -109,7 +109,7 @@ def test_of_losses_that_were_withdrawn_only_a_stop_stays_the_worst(lost: float, 
     assert (refuted.evidence[0].start_s, refuted.evidence[0].end_s) == (round(LOSS.since_s, 2), 90.0)
 
 
-def test_what_was_found_never_falls_where_another_motor_stands_out() -> None:
+def test_what_was_found_never_falls_where_another_motor_shows_a_loss() -> None:
     [found] = verdicts(replace(FINDINGS, several=(1, 3), loss=LOSS))
     assert (found.actuator, found.condition, found.worst) == ("motors 1 and 3", "emergency", "emergency")
     assert found.since is not None
@@ -164,7 +164,7 @@ def test_the_motor_with_the_largest_change_is_worn_if_it_is_certain() -> None:
 
 
 @pytest.mark.parametrize(("yaw", "weight"), [(0.054, True), (0.057, False)])
-def test_only_yaw_tells_a_motor_from_a_weight(yaw: float, weight: bool) -> None:
+def test_only_yaw_separates_a_motor_from_a_weight(yaw: float, weight: bool) -> None:
     [evidence] = compared([0.4, 0.0, 0.0, 0.0], yaw)[0].evidence
     assert ("a weight that sits elsewhere" in evidence.rule) is weight
 

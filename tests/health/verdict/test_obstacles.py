@@ -1,4 +1,4 @@
-"""Every requirement that a flight's axis does not meet is told, the binding one first, as it can be met."""
+"""Every requirement that a flight's axis does not meet is named, the binding one first, as it can be met."""
 
 from __future__ import annotations
 

@@ -32,11 +32,11 @@ def flight(**changes: Any) -> Any:
     """Return what the reasons ask of a flight: a healthy one of five minutes, but for the changes."""
     lasted = changes.pop("lasted", {})
     rates = changes.pop("rates", {"outputs": 10.0, "rates": 25.0})
-    told = {"kinds": {PLANE}, "autopilots": {3}, "parameters": (), "heard": HEARD}
+    facts = {"kinds": {PLANE}, "autopilots": {3}, "parameters": (), "heard": HEARD}
     moved = {"on_ground": False, "steers": False, "fastest": 20.0}
     seconds = {"flown_s": 300, "doubted_s": 0, "settled_s": 300}
     asked = {"lasted_s": lambda what: lasted.get(what, 0.0), "rate_hz": rates.get}
-    return SimpleNamespace(**(told | moved | seconds | asked | changes))
+    return SimpleNamespace(**(facts | moved | seconds | asked | changes))
 
 
 def why(*arguments: Any, **changes: Any) -> tuple[Reason, ...]:
@@ -127,7 +127,7 @@ SHORT: dict[str, Any] = {"usable_s": 44}
 
 
 @pytest.mark.parametrize(
-    ("axis", "shown", "surfaces", "flown", "code", "told"),
+    ("axis", "shown", "surfaces", "flown", "code", "given"),
     [
         ("roll", SHORT, KNOWN, {"flown_s": 44}, "too_short", True),
         ("roll", SHORT, KNOWN, {}, "too_short", True),
@@ -163,10 +163,10 @@ SHORT: dict[str, Any] = {"usable_s": 44}
         ("roll", {"reference": reference()}, KNOWN, {}, "unexcited", True),
     ],
 )
-def test_each_requirement_that_an_axis_does_not_meet_is_told(
-    axis: str, shown: Any, surfaces: Surfaces | None, flown: Any, code: str, told: bool
+def test_each_requirement_that_an_axis_does_not_meet_is_named(
+    axis: str, shown: Any, surfaces: Surfaces | None, flown: Any, code: str, given: bool
 ) -> None:
-    assert (code in codes(*undecided(findings(axis, **shown), surfaces, **flown))) is told
+    assert (code in codes(*undecided(findings(axis, **shown), surfaces, **flown))) is given
 
 
 @given(short=st.floats(1e-5, 1.0))
@@ -213,7 +213,7 @@ def test_seconds_that_make_no_reference(axis: str, error: float, apart: float, e
     assert codes(*undecided(one, STEERS if axis == "steering" else KNOWN)) == expected
 
 
-def test_streams_out_of_order_are_told_last() -> None:
+def test_streams_out_of_order_are_named_last() -> None:
     found = why_undecided(findings(), KNOWN, flight(), {"A": Received(70, 30, 0)})
     assert codes(*found)[-1] == "out_of_order"
 
@@ -269,7 +269,7 @@ def test_of_two_mixed_surfaces_one_is_named_if_it_is_nearly_certain(
 
 
 @pytest.mark.parametrize(
-    ("worst", "order", "told"),
+    ("worst", "order", "named"),
     [
         (("normal", "degraded", "normal"), (2, 1), True),
         (("emergency", "normal", "normal"), (1, 2), True),
@@ -279,7 +279,7 @@ def test_of_two_mixed_surfaces_one_is_named_if_it_is_nearly_certain(
     ],
 )
 def test_the_candidate_whose_servo_alone_shows_a_fault_comes_first(
-    worst: tuple[Any, Any, Any], order: tuple[int, int], told: bool
+    worst: tuple[Any, Any, Any], order: tuple[int, int], named: bool
 ) -> None:
     airframe: Any = SimpleNamespace(actuators=[SimpleNamespace(name=f"s{k}", servo=k) for k in (1, 2, 3)])
     both = [Candidate(surface=f"surface {k}", servo=k, probability=0.5, because="it fits") for k in (1, 2)]
@@ -287,7 +287,7 @@ def test_the_candidate_whose_servo_alone_shows_a_fault_comes_first(
     axis = verdict("degraded", actuator="roll", candidates=tuple(both))
     [found] = named_by_telemetry([axis], servos, airframe)
     assert tuple(one.servo for one in found.candidates) == order
-    if told:
+    if named:
         assert [one.because for one in found.candidates] == ["its servo's telemetry shows a fault", None]
         assert {one.probability for one in found.candidates} == {None}
     else:
@@ -317,13 +317,13 @@ def judged(one: AxisFindings, surfaces: Surfaces | None = KNOWN, **changes: Any)
         ({"condition": "undecided", "usable_s": 44}, ("too_short",)),
     ],
 )
-def test_what_a_normal_axis_does_not_show_is_told(changes: dict[str, Any], expected: tuple[str, ...]) -> None:
+def test_what_a_normal_axis_does_not_show_is_said(changes: dict[str, Any], expected: tuple[str, ...]) -> None:
     judged_s = changes.pop("judged", None)
     seen = Coverage(moving_fraction=0.123456, windows=99, decidable=40, judged_from_s=judged_s)
     kept = Interval(estimate=0.87654, low=0.76543, high=0.98765)
-    told = {"condition": "normal", "worst": "normal", "coverage": seen, "effectiveness": kept, **changes}
+    fields = {"condition": "normal", "worst": "normal", "coverage": seen, "effectiveness": kept, **changes}
     shown = Evidence(kind="slow", start_s=1.0, end_s=2.0, value=0.123456, rule="")
-    found = judged(findings(**told, evidence=(shown,)))
+    found = judged(findings(**fields, evidence=(shown,)))
     assert found.evidence == (shown.model_copy(update={"value": 0.1235}),)
     assert found.reason_codes == expected
     assert found.effectiveness == Interval(estimate=0.877, low=0.765, high=0.988)

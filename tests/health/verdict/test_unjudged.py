@@ -29,7 +29,7 @@ SURFACES = Surfaces(outputs(aileron=1, rudder=2), "profile")
         (None, JUDGED, "undecided"),
     ],
 )
-def test_a_vehicle_whose_servos_tell_nothing_is_unmonitored(
+def test_a_vehicle_whose_servos_report_nothing_is_unmonitored(
     vehicle: int | None, tier: Tier | None, condition: Condition
 ) -> None:
     [found] = unjudged_vehicle(vehicle, tier)

@@ -61,7 +61,7 @@ def test_a_log_without_a_fix_is_undated() -> None:
     assert decoder.vehicles == (1,)
 
 
-def test_what_is_told_beyond_a_megabyte_is_not_waited_for() -> None:
+def test_what_is_recorded_beyond_a_megabyte_is_not_waited_for() -> None:
     filler = b"".join(rcou(10_000 * k) for k in range(60_000))
     late = DataFlashDecoder()
     late.feed(HEAD + filler + gps(600_000_000) + rcou(600_000_100), final=True)
@@ -98,7 +98,7 @@ def test_only_wanted_messages_are_unpacked_but_all_are_counted() -> None:
     assert np.array_equal(tables["RCOU"].frame, everything["RCOU"].frame)
 
 
-def test_what_the_logger_dropped_is_told() -> None:
+def test_what_the_logger_dropped_is_reported() -> None:
     data = HEAD + b"".join(of("DSF", 10_000 * k, drops) for k, drops in enumerate([0, 0, 3, 9]))
     decoder = Decoder({"RCOU"})
     assert decoder.feed(data, final=True) == {}
@@ -116,7 +116,7 @@ def test_a_letters_scale_applies_once() -> None:
     assert tables["GPS"].fields["Alt"].tolist() == [58406]
 
 
-def test_names_that_stand_for_two_things_are_unknown() -> None:
+def test_names_that_mean_two_things_are_unknown() -> None:
     twice = definition(20, "TWO", "QB", "TimeUS,A,A"[:8]) + definition(21, "DUP", "QBB", "TimeUS,A,A")
     clash = definition(22, "RCOU", "QB", "TimeUS,Other")
     rows = record(20, "QB", [1000, 1]) + record(21, "QBB", [1000, 1, 2]) + record(22, "QB", [1000, 3])

@@ -167,9 +167,9 @@ def test_a_type_may_be_defined_anew_by_another_log_alone() -> None:
     ],
 )
 def test_a_definition_is_plausible_in_itself(place: int, written: bytes, counts: bool, defines: bool) -> None:
-    told = bytearray(HEAD[len(fmt_of_fmt()) :])
-    told[place : place + len(written)] = written
-    found, _ = checked(fmt_of_fmt() + bytes(told) + rcou(10**6) * 2)
+    definition = bytearray(HEAD[len(fmt_of_fmt()) :])
+    definition[place : place + len(written)] = written
+    found, _ = checked(fmt_of_fmt() + bytes(definition) + rcou(10**6) * 2)
     assert len(found) == 1 + counts + 2 * defines
 
 

@@ -85,7 +85,7 @@ def test_a_flipped_bit_costs_one_frame_at_most(log: list[Record], data: st.DataO
 @pytest.mark.slow
 @given(records(), st.data())
 @settings(max_examples=50, deadline=None)
-def test_a_cut_last_record_is_told(log: list[Record], data: st.DataObject) -> None:
+def test_a_cut_last_record_is_reported(log: list[Record], data: st.DataObject) -> None:
     last = log[-1].data
     kept = data.draw(st.integers(1, len(last) - 1))
     zeros = data.draw(st.sampled_from([0, 16, 5000]))
@@ -220,7 +220,7 @@ def test_out_of_step_a_near_time_or_one_of_the_next_eight_numbers_confirms_a_fra
         ([2, 1], 0, 0, 0),
         ([2, 0.9], 0, 0, 1),
         ([0, 86_400], 0, 1, 0),
-        ([0, 86_401], 1, 0, 0),  # nothing follows that could tell a pause from damage
+        ([0, 86_401], 1, 0, 0),  # nothing follows that distinguishes a pause from damage
         ([0, 1, 200_000, 200_001], 0, 1, 0),
         ([0, 200_000, 200_001], 1, 0, 0),  # the third is nearer to the second
     ],

@@ -62,7 +62,7 @@ def test_frames_that_up_to_eighty_others_overtake_are_not_lost(
 
 @given(st.integers(0, 6), st.integers(100, 400))
 @settings(max_examples=30, deadline=None)
-def test_a_link_that_is_logged_twice_is_told(lag: int, count: int) -> None:
+def test_a_link_that_is_logged_twice_is_reported(lag: int, count: int) -> None:
     frames = numbered(range(count))
     twice = sorted((k + late, frame) for k, frame in enumerate(frames) for late in (0, lag + 0.5))
     assert figures(follow([frame for _, frame in twice])) == (0, 0, count)
@@ -131,12 +131,12 @@ def test_any_number_of_senders_fills_no_memory_and_none_is_uncounted(
     assert list(whole.sequence_losses()) == list(cut.sequence_losses())
     assert whole._senders.size <= 1024
     names = [definition.name for definition in load_dialect().definitions.values()]
-    told: Counter[tuple[int, str]] = Counter()
+    counts: Counter[tuple[int, str]] = Counter()
     for (system, _, name), count in whole.counts.items():
-        told[system, name] += count
+        counts[system, name] += count
     for system, message in itertools.product(range(systems), range(2)):
         sent = np.count_nonzero((rows["system"] == system) & (rows["definition"] == message))
-        assert told[system, names[message]] == sent
+        assert counts[system, names[message]] == sent
     steadily = [count for (s, component, _), count in whole.counts.items() if (s, component) == (77, 1)]
     assert sum(steadily) == steady.size, "who goes on speaking is kept"
     assert not [loss for loss in whole.sequence_losses() if (loss.system, loss.component) == (77, 1)]

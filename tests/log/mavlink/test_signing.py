@@ -119,7 +119,7 @@ def test_what_is_no_key_is_refused_with_the_remedy(tmp_path: Path, content: byte
 
 @needs(REAL_LOGS / "sitl")
 def test_a_real_signed_link() -> None:
-    """The autopilot signs all; the ground station's first frames came before it was told the key."""
+    """The autopilot signs all; the ground station's first frames came before it had the key."""
     log = REAL_LOGS / "sitl" / "plane_signed.link1.tlog"
     decoder, plain = Decoder(key=KEY), Decoder()
     data = log.read_bytes()

@@ -23,7 +23,7 @@ def messages_of(log: bytes) -> list[bytes]:
 
 
 def mutated(rng: random.Random, message: bytes, pool: list[bytes]) -> bytes:
-    """Return a message with one thing wrong, or what should not stand in its place."""
+    """Return a message with one thing wrong, or what should not be in its place."""
     out = bytearray(message)
     match rng.randrange(11):
         case 0:

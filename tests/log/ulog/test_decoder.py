@@ -80,7 +80,7 @@ def test_appended_data_begins_where_the_flags_say_though_a_message_is_cut_there(
     assert decoder.losses.bytes_skipped == 0
 
 
-def test_a_cut_end_is_told_as_such() -> None:
+def test_a_cut_end_is_reported_as_such() -> None:
     log = writer.header() + TOPIC + row(1_000_001) + row(1_000_002)[:-3]
     tables, decoder = decode(log)
     assert len(tables["topic"]) == 1
@@ -111,7 +111,7 @@ def test_three_times_in_a_row_set_the_clock() -> None:
     assert decoder.losses.time_jumps == 1
 
 
-def test_a_topic_that_never_tells_the_time_is_no_damage() -> None:
+def test_a_topic_without_a_time_is_no_damage() -> None:
     tables, decoder = decode(writer.header() + TOPIC + row(0) + row(0) + row(0))
     assert len(tables["topic"]) == 3
     assert not decoder.losses.any
@@ -157,7 +157,7 @@ def test_formats_within_formats_do_not_explode() -> None:
 
 @pytest.mark.parametrize("name", ["Attitude", "sensors/imu-0", "IMU", "attitude"])
 def test_topics_of_other_writers_are_read_as_pyulog_reads_them(run: Run, name: str, tmp_path: Path) -> None:
-    """Names in capitals alone are those of messages of other formats: the topic is told apart from them."""
+    """Names in capitals alone are those of messages of other formats: the topic is not one of them."""
     form = writer.form(name, "uint64_t timestamp;float Roll.deg;float x_2;")
     rows = [struct.pack("<Qff", 1_000_000 + 10_000 * k, k, 2.0 * k) for k in range(50)]
     log = writer.header() + form + writer.subscribe(3, name) + b"".join(writer.data(3, one) for one in rows)

@@ -103,7 +103,7 @@ def test_parameters_and_texts_are_those_of_pyulog(
     parameters: dict[str, float], texts: list[str], tag: int | None
 ) -> None:
     log = writer.header() + b"".join(writer.parameter(name, value) for name, value in parameters.items())
-    log += b"".join(writer.text(told, 1_000_000 + k, k % 8, tag) for k, told in enumerate(texts))
+    log += b"".join(writer.text(text, 1_000_000 + k, k % 8, tag) for k, text in enumerate(texts))
     (tables, _), peer = decode(log), pyulog_reads(log)
     assert dict(said(tables, "parameter", "name", "value")) == peer.initial_parameters
     assert said(tables, *STRING) == strings_of(peer)

@@ -94,7 +94,7 @@ def test_mixing_is_undone_by_the_airframe() -> None:
         np.testing.assert_allclose(layout.effect() @ np.array(layout.mixing), np.eye(3), atol=1e-12)
 
 
-def test_a_frozen_surface_stands(healthy: FlownLoop) -> None:
+def test_a_frozen_surface_does_not_move(healthy: FlownLoop) -> None:
     flight = flown(SurfaceFault("aileron_left", "freeze", at_s=ONSET))
     (angle,) = after(flight, ONSET + 0.02, "aileron_left")
     assert np.ptp(angle) == 0.0
