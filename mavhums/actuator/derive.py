@@ -94,7 +94,7 @@ class Deriver:
         self.derived["V7"] = "magnitude from {V7}, sign of the command's rate"
 
     def _sign_current(self, aligned: Aligned, values: Array) -> None:
-        """Give V5 and V4 the signs of the voltage equation; NaN where it does not give them."""
+        """Give V5 and V4 the signs of the voltage equation; NaN where it does not show them."""
         ema, rev_min = self._actuator.known_ema(), np.ascontiguousarray(aligned.values[:, _V7])
         constants = ema.resistance, ema.torque_constant, self._actuator.moving_speed_rev_min
         _decide(aligned.utc_us, values, rev_min, constants, self._at_rest, self._motion)

@@ -1,4 +1,4 @@
-"""``mavhums fleet scan``, ``watch`` and ``digest``: logs are judged into a store, and what is new is said."""
+"""``mavhums fleet scan``, ``watch`` and ``digest``: judge logs into a store, and report what is new."""
 
 from __future__ import annotations
 

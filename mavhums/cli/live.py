@@ -51,7 +51,7 @@ _LEVELS = ("debug", "info", "warning", "error")
     help="Record what is accepted as a new .tlog; FILE may hold the time: flight-%Y%m%d-%H%M%S.tlog.",
 )
 @click.option("--alerts", is_flag=True, help="Send alerts to the ground station over the links.")
-@click.option("--alerts-to", metavar="URL", help="Send them to the ground station at this address instead.")
+@click.option("--alerts-to", metavar="URL", help="Send alerts to the ground station at this address instead.")
 @click.option(
     "--component",
     type=click.IntRange(1, 250),

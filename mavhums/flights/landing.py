@@ -110,7 +110,7 @@ class OwnFlights:
         """Return a compared assessment with what the store knows of its aircraft.
 
         That is how many flights it was compared with, each actuator's state over them, which other logs
-        record this one, and what an operator should look into. ``states`` are these states, if known.
+        record this one, and what an operator should look into. ``states`` are known ones.
         """
         if not self.is_named:
             return assessment.with_notice(

@@ -2,8 +2,8 @@
 
 What a split leaves together decides the figure. Sequences of one run are alike, runs of one load share an
 assembly and a load, and each condition was built once: only the splits that leave runs and loads out say what
-is known of another day. Trees, as published studies use them, and the indicators
-of strokes, compared with the healthy runs alone, are beside the networks.
+is known of another day. The study also has trees, as published studies use them, and the indicators of
+strokes, compared with the healthy runs alone.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Presentation of results: blocks of what is said, drawn as text, Markdown, HTML, or a Rerun recording.
+"""Presentation of results: blocks of words and figures, drawn as text, Markdown, HTML, or a Rerun recording.
 
 This package does not judge.
 """

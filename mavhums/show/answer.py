@@ -1,4 +1,4 @@
-"""The blocks of an assessment: what is said of it, once for every renderer."""
+"""The blocks of an assessment, once for every renderer."""
 
 from __future__ import annotations
 

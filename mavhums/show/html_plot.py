@@ -223,7 +223,7 @@ def flight_charts(shown: Iterable[CaptionedCurve], duration_s: float) -> Chart:
 
 
 def chart(curve: Curve, limits: Sequence[Limit], title: str, caption: str, *, whole: bool = False) -> Chart:
-    """Return a curve as columns; a row of nulls is where nothing is known.
+    """Return a curve as columns; a row is null where nothing is known.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is said of one verdict: the cells of its row, its findings, the surfaces that explain them."""
+"""One verdict in words: the cells of its row, its findings, the surfaces that explain them."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ class Surfaces:
 
     @property
     def mixed(self) -> Mapping[str, str]:
-        """Of axes that two mixed surfaces move, the other axis, where it distinguishes the two surfaces.
+        """The other axis of each that two mixed surfaces move, where it distinguishes the two surfaces.
 
         What a demand in pitch does to the side force of a V-tail depends on how the aircraft then slips.
         """

@@ -1,7 +1,7 @@
 """The networks' evidence: the class of each window, with its probability.
 
-A network of windows gives it from their statistics. Of a model without one, or where a log lacks a quantity
-that it needs, the votes of the moving samples give the probability of an emergency by friction.
+A network of windows gives it from their statistics. Where a model has none, or a log lacks a quantity that
+it needs, the votes of the moving samples give the probability of an emergency by friction.
 
 The first network whose input quantities the samples carry is used. Votes are counted separately for
 the two directions of motion, because a load that is unknown to a network assists in one direction as

@@ -16,8 +16,8 @@ than λ = 0:
 
 The noise is that of the reference, or R over the last seconds if it is larger.
 
-Of two mixed surfaces each is a hypothesis of its own: what it loses also lets the demand about the other axis
-move this one, y = (1 − μ)·K·d ∓ μ·K·c with the drive c of the other demand, which no kind of health does.
+Each of two mixed surfaces is a hypothesis of its own: its loss also lets the demand about the other axis move
+this one, y = (1 − μ)·K·d ∓ μ·K·c with the drive c of the other demand. No healthy axis does that.
 """
 
 from __future__ import annotations

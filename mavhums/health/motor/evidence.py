@@ -1,9 +1,9 @@
 """The test of one multirotor's motors, row by row: effort beyond what the motion explains.
 
 Effort is what the mixer was asked for: the thrusts times the motors' columns. A motor i that gives 1 − λ of
-its thrust T_i leaves λ·T_i·c_i of it unanswered, so this part points along one known column. Of each row the
-test sums the likelihood of each fault against that of health: noise, a payload or moving air. All is in units
-of the hover thrust of one motor.
+its thrust T_i leaves λ·T_i·c_i of it unanswered, so this part points along one known column. The test sums,
+row by row, the likelihood of each fault against that of health: noise, a payload or moving air. All is in
+units of the hover thrust of one motor.
 """
 
 from __future__ import annotations

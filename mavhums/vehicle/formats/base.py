@@ -113,8 +113,8 @@ class FormatModule(Protocol):
     AUTOPILOT
         The MAV_AUTOPILOT that writes such logs; None if any may.
     SOURCES, SERVO_SOURCES
-        Where it keeps facts, and telemetry of servos. Of several sources of a continuous signal the one with
-        the shortest spacing counts, of equal ones the first in the table.
+        Where it keeps facts, and telemetry of servos. The source of a continuous signal with the shortest
+        spacing counts, or the first in the table of equal ones.
     REMEDIES
         How a fact that is missing is recorded, by autopilot: the messages, and the parameter that sets them.
         ``motion`` means outputs, rates and attitude together, which every axis needs.

@@ -1,6 +1,6 @@
 """Where ArduPilot's on-board log (DataFlash) keeps each fact.
 
-Of several sensors, the first is used (``I`` = 0). The state has no record of its own: STAT says whether the
+The first of several sensors is used (``I`` = 0). The state has no record of its own: STAT says whether the
 vehicle is armed, where it is not Plane's ARM and EV say when it arms and disarms; MODE gives the mode, and a
 text of the firmware the kind of vehicle.
 """
