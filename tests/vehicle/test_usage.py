@@ -64,7 +64,7 @@ def test_only_what_exceeds_the_band_is_a_reversal(amplitude: int, reversals: int
     assert found.travelled_us == 20 * amplitude
 
 
-def test_time_at_a_stop_counts_while_armed_or_untold() -> None:
+def test_time_at_a_stop_counts_while_armed_or_unknown() -> None:
     stuck = np.array([1900.0] * 21)
     assert used(outputs(stuck)).outputs[1].at_stops_s(1100, 1900) == (0.0, 2.0)
     half = used(outputs(stuck), state([0.0] * 10 + [1.0] * 11))

@@ -130,8 +130,8 @@ def test_a_verdict_is_replaced_where_no_limit_or_jam_decides() -> None:
     assert compare_with_own_flights(found, HEALTHY[:3]).condition == "learning"
     jammed = verdict(worst="emergency", own=(flight(58),))
     assert compare_with_own_flights(jammed, HEALTHY) is jammed
-    untold = worn.model_copy(update={"own": ()})
-    assert compare_with_own_flights(untold, HEALTHY) is untold
+    bare = worn.model_copy(update={"own": ()})
+    assert compare_with_own_flights(bare, HEALTHY) is bare
     sound = compare_with_own_flights(verdict(own=(flight(51),)), HEALTHY)
     assert (sound.condition, sound.reason_codes) == ("unchanged", ("own_unchanged",))
 
