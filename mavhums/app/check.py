@@ -1,6 +1,6 @@
 """Check before a flight: what surfaces that are swept on the ground show of their servos.
 
-A standing aircraft has no aerodynamic load, and a sweep is the same motion each time. The strokes at constant
+An aircraft at rest has no aerodynamic load, and a sweep is the same motion each time. The strokes at constant
 speed of a vehicle that is not armed, or armed but landed and still, show the travel and the speed that are
 reached, what the angle lags behind either way, roughness, and the friction in a current.
 """
@@ -35,8 +35,8 @@ LEAST_SHARE: Final = 0.95
 """Share of the commanded travel, and of its speed, that a servo must reach: gears twist under their own
 friction, but not by more than a degree in twenty. By hand."""
 STILL_M_S: Final = 2.0
-"""Ground speed below which an armed aircraft that says it has landed stands: a receiver at rest shows less, a
-take-off run more. By hand."""
+"""Ground speed below which an armed aircraft that reports that it has landed is at rest: a receiver at rest
+shows less, a take-off run more. By hand."""
 _ARMED: Final = 2  # column of the state
 
 
@@ -61,7 +61,7 @@ class Sweep:
     friction_a
         Half-sum of the currents either way over that at rest.
     armed_known
-        Whether the log tells when the vehicle was armed; else its whole time counts.
+        Whether the log records when the vehicle was armed; else its whole time counts.
     faults
         What the sweep did not reach, in words.
     """
@@ -79,7 +79,7 @@ class Sweep:
     armed_known: bool
     faults: tuple[str, ...]
 
-    def told(self) -> str:
+    def as_text(self) -> str:
         """Return the sweep as text, in two lines."""
         shown = [f"{self.strokes} strokes at {self.commanded_deg_s:.3g} °/s"]
         if self.reached_deg:
@@ -94,16 +94,16 @@ class Sweep:
         return f"{self.actuator}: {'; '.join(self.faults) or 'ok'}{state}\n  {', '.join(shown)}"
 
 
-_STANDS: Final[Mapping[str, Callable[[Array], Flags]]] = {
+_RESTS: Final[Mapping[str, Callable[[Array], Flags]]] = {
     "state": lambda values: values[:, _ARMED] <= 0,
     "landed": lambda values: values[:, 0] == ON_GROUND,
     "groundspeed": lambda values: values[:, 0] < STILL_M_S,
 }
-"""Which values of a signal say that a vehicle stands."""
+"""Which values of a signal show that a vehicle is at rest on the ground."""
 
 
-class _Standing:
-    """When each vehicle stood on the ground, as far as the log tells."""
+class _Ground:
+    """When each vehicle is at rest on the ground, as far as the log records it."""
 
     def __init__(self) -> None:
         self._signals = SignalReader()
@@ -111,19 +111,19 @@ class _Standing:
 
     def feed(self, tables: Mapping[str, Table]) -> None:
         for signal in self._signals.read(tables):
-            if signal.name in _STANDS:
-                stands = _STANDS[signal.name](signal.values)
-                changes = np.append(True, np.diff(stands))
+            if signal.name in _RESTS:
+                rests = _RESTS[signal.name](signal.values)
+                changes = np.append(True, np.diff(rests))
                 times, states = self._changes.setdefault((signal.vehicle, signal.name), ([], []))
                 times += signal.time_us[changes].tolist()
-                states += stands[changes].tolist()
+                states += rests[changes].tolist()
 
     def known(self, vehicle: int) -> bool:
-        """Return whether the log tells when the vehicle was armed."""
+        """Return whether the log records when the vehicle was armed."""
         return (vehicle, "state") in self._changes
 
     def on_ground(self, vehicle: int, utc_us: Integers) -> Flags:
-        """Return which times are on the ground: disarmed, or landed and still; all if arming is not told."""
+        """Return which times are on the ground: disarmed, or landed and still; all if arming is unknown."""
         if not self.known(vehicle):
             return np.ones(utc_us.size, dtype=np.bool_)
         landed, still = (self._state_at(vehicle, name, utc_us) for name in ("landed", "groundspeed"))
@@ -164,12 +164,12 @@ def check_log(
     """
     given = None if airframe is None else load_airframe(airframe)
     wanted = messages_for(given.actuators if given else ()) | SIGNAL_MESSAGES | TEXT_MESSAGES
-    decoder, clocks, standing = Decoder(wanted, dialect=dialect), Clocks(), _Standing()
+    decoder, clocks, ground = Decoder(wanted, dialect=dialect), Clocks(), _Ground()
     fleet, axes = VehicleMappers(given), Axes(given)
     tracks: dict[tuple[int, str], tuple[SlotCutter, Strokes]] = {}
     for read, _, final in decode_blocks(path, decoder, dialect=dialect, progress=progress):
         tables = clocks.feed(read)
-        standing.feed(tables)
+        ground.feed(tables)
         for said, named in fleet.listen(tables):
             if named is not None:
                 axes.announce(said.vehicle, said.frame, named)
@@ -179,26 +179,24 @@ def check_log(
         for _, mapped in fleet.feed(tables, final=final):
             key = mapped.vehicle, mapped.actuator.name
             track = tracks.setdefault(key, (SlotCutter(), Strokes(mapped.actuator)))
-            _feed(track, mapped, standing, decoder.first_time_us or 0)
+            _feed(track, mapped, ground, decoder.first_time_us or 0)
     found = []
     for (vehicle, name), (cutter, strokes) in sorted(tracks.items()):
         slots = cutter.finish()
         if slots is not None:
             strokes.feed(slots)
         if sum(stroke.way != 0.0 for stroke in strokes.strokes) >= LEAST_STROKES:
-            found.append(_sweep(vehicle, name, strokes.strokes, standing.known(vehicle)))
+            found.append(_sweep(vehicle, name, strokes.strokes, ground.known(vehicle)))
     if not found:
         raise MavhumsError(
-            f"{path}: no surface is swept on the ground: nothing moves at constant speed while it stands",
+            f"{path}: no surface is swept on the ground: nothing moves at constant speed while it is at rest",
             "sweep the surfaces at constant speed, out and back, before take-off, and record V1 and V3",
         )
     return found
 
 
-def _feed(
-    track: tuple[SlotCutter, Strokes], mapped: MappedSamples, standing: _Standing, first_us: int
-) -> None:
-    rows = standing.on_ground(mapped.vehicle, mapped.utc_us)
+def _feed(track: tuple[SlotCutter, Strokes], mapped: MappedSamples, ground: _Ground, first_us: int) -> None:
+    rows = ground.on_ground(mapped.vehicle, mapped.utc_us)
     if not rows.any():
         return
     time_s = (mapped.utc_us[rows] - first_us) / 1e6

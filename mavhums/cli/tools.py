@@ -13,14 +13,14 @@ from mavhums.core.errors import ExitCode, MavhumsError
 _TO_FILL_IN = "travel_deg, [actuators.ema] and [actuators.limits] of each actuator"
 
 
-@click.command(short_help="Tell what a log allows to judge, and what it lacks.")
+@click.command(short_help="Show what a log allows to judge, and what it lacks.")
 @LOG
 @AIRFRAME
 @DIALECT
 @click.option("--messages", is_flag=True, help="List the messages and named values, with their rates.")
 @JSON
 def inspect(log: Path, airframe: str | None, dialect: Path | None, messages: bool, as_json: bool) -> None:
-    """Tell what LOG allows to judge, and what it lacks.
+    """Show what LOG allows to judge, and what it lacks.
 
     First what can be judged, then each vehicle with its telemetry tier, what is missing and how to record
     it, and the log's losses.
@@ -65,7 +65,7 @@ def check(log: Path, airframe: str | None, dialect: Path | None, as_json: bool) 
         say_json(json.dumps([asdict(sweep) for sweep in sweeps], indent=2, ensure_ascii=False))
     else:
         for sweep in sweeps:
-            say(sweep.told())
+            say(sweep.as_text())
     raise SystemExit(ExitCode.DEGRADED if any(sweep.faults for sweep in sweeps) else ExitCode.OK)
 
 
@@ -149,7 +149,7 @@ def show_model(name: str | None, as_json: bool) -> None:
     Packaged, by NAME:
       paper-instrumented    for all of V1-V12 (default)
       paper-without-load    for V1-V10: the load torque is not measured
-      paper-esc             for what an ESC tells
+      paper-esc             for what an ESC reports
     """
     import json
 

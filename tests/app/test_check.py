@@ -78,14 +78,14 @@ def test_a_sweep_shows_travel_speed_hysteresis_and_friction(tmp_path: Path) -> N
     assert found.friction_a == pytest.approx(FRICTION_A, abs=0.01)
 
 
-def test_what_it_does_not_reach_is_told(tmp_path: Path) -> None:
+def test_what_it_does_not_reach_is_a_fault(tmp_path: Path) -> None:
     log = swept(tmp_path, reach=0.7)
     outcome = CliRunner().invoke(cli, ["check", str(log), "--airframe", str(tmp_path / "one.toml")])
     assert outcome.exit_code == 10, outcome.output
     assert "rudder: reaches 3" in outcome.output
     assert "of the 50° commanded" in outcome.output
-    told = CliRunner().invoke(cli, ["check", str(log), "--airframe", str(tmp_path / "one.toml"), "--json"])
-    assert json.loads(told.stdout)[0]["faults"]
+    printed = CliRunner().invoke(cli, ["check", str(log), "--airframe", str(tmp_path / "one.toml"), "--json"])
+    assert json.loads(printed.stdout)[0]["faults"]
 
 
 def test_a_sweep_in_flight_is_none(tmp_path: Path) -> None:
@@ -101,12 +101,12 @@ def test_a_sweep_in_flight_is_none(tmp_path: Path) -> None:
         (0.3, v2.MAV_LANDED_STATE_IN_AIR, False),  # against the wind
     ],
 )
-def test_an_armed_aircraft_that_stands_still_is_on_the_ground(
+def test_an_armed_aircraft_that_is_still_is_on_the_ground(
     tmp_path: Path, speed_m_s: float, landed: int, counts: bool
 ) -> None:
     log = swept(tmp_path, armed=True, speed_m_s=speed_m_s, landed=landed)
     if not counts:
-        with pytest.raises(MavhumsError, match="while it stands"):
+        with pytest.raises(MavhumsError, match="while it is at rest"):
             check_log(log, airframe=tmp_path / "one.toml")
         return
     (found,) = check_log(log, airframe=tmp_path / "one.toml")

@@ -1,4 +1,4 @@
-"""Motors identified from logs, and written into the profile as it stands."""
+"""Motors identified from logs, and written into the profile as it is."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_profile_gets_what_the_motors_are(run: Run, log: Path, tmp_path: Path) -> None:
     profile, filled = tmp_path / "blank.toml", tmp_path / "filled.toml"
     profile.write_text(BLANK, encoding="utf-8")
-    told = run("profile", "identify", str(log), "--airframe", str(profile), "-o", str(filled))
-    assert told.code == 0, told.err
+    printed = run("profile", "identify", str(log), "--airframe", str(profile), "-o", str(filled))
+    assert printed.code == 0, printed.err
     text = filled.read_text(encoding="utf-8")
     assert all(line in text for line in BLANK.splitlines())
     for actuator in load_airframe(filled).actuators:
@@ -62,9 +62,9 @@ def test_the_profile_gets_what_the_motors_are(run: Run, log: Path, tmp_path: Pat
 def test_the_motors_become_a_servo_type_of_the_profile(run: Run, log: Path, tmp_path: Path) -> None:
     profile = tmp_path / "blank.toml"
     profile.write_text(BLANK, encoding="utf-8")
-    told = run("profile", "identify", str(log), "--airframe", str(profile), "--servo-type", "ours")
-    assert told.code == 0, told.err
-    section = told.out.replace("# gear_ratio =", "gear_ratio = 300.0").replace(
+    printed = run("profile", "identify", str(log), "--airframe", str(profile), "--servo-type", "ours")
+    assert printed.code == 0, printed.err
+    section = printed.out.replace("# gear_ratio =", "gear_ratio = 300.0").replace(
         "# inertia =", "inertia = 2.4e-7"
     )
     profile.write_text(BLANK.replace("esc =", 'servo_type = "ours"\nesc =') + section, encoding="utf-8")

@@ -85,8 +85,8 @@ def test_a_subject_is_explained_with_reason_and_advice(folder: Path) -> None:
     assistant = LogAssistant(Reach(folders=(folder,)))
     failed, text = asked(assistant, "explain", log=FROZEN, subject="Roll")
     assert not failed
-    assert text.startswith("# EMERGENCY: aileron ")
-    assert "**What to do:** do not fly; inspect each surface" in text
+    assert text.startswith("# DEGRADED: aileron ")
+    assert "**What to do:** inspect each surface" in text
     assert "yaw" not in text
     assert asked(assistant, "explain", log=FROZEN, subject="pitch control")[1].startswith(
         "# undecided: pitch control not"

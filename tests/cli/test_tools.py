@@ -51,11 +51,11 @@ def test_classified_samples_are_what_the_model_says_of_the_exported_quantities(
     values = table[list(KEYS)].to_numpy()
     carried = np.isfinite(values[:, [KEYS.index(key) for key in model.keys]]).all(axis=1)
     assert carried.mean() > 0.9
-    told, answers = table[carried], model.classify(values[carried])
+    written, answers = table[carried], model.classify(values[carried])
     expected = answers.probabilities[:, model.emergency]
-    np.testing.assert_allclose(told["p_emergency"], expected, rtol=0, atol=1e-9)
-    assert told["class"].tolist() == [model.classes[k] for k in answers.probabilities.argmax(axis=1)]
-    assert told["inside"].tolist() == answers.inside.tolist()
+    np.testing.assert_allclose(written["p_emergency"], expected, rtol=0, atol=1e-9)
+    assert written["class"].tolist() == [model.classes[k] for k in answers.probabilities.argmax(axis=1)]
+    assert written["inside"].tolist() == answers.inside.tolist()
     if name:  # without a name, another network may take the samples that lack one quantity
         assert table[~carried][["p_emergency", "class"]].isna().all(axis=None)
         assert not table[~carried]["inside"].any()

@@ -54,8 +54,8 @@ REFERENCE_S: Final = 40.0
 """Memory of the trim before; a fault that grows more slowly is learned."""
 
 LEAST_THRUST: Final = 0.7
-"""Share of the hover thrust below which nothing is judged, for at touch-down the effort winds up; nor above its
-inverse, where a motor may be at the end of its range."""
+"""Share of the hover thrust below which nothing is judged, for at touch-down the effort winds up; nor is what
+lies above its inverse, where a motor may be at the end of its range."""
 AIRBORNE_S: Final = 4.0
 """In the air before anything is judged, for the take-off is no trim; and below half of the most bank after it
 was more."""

@@ -50,9 +50,15 @@ def test_a_loss_beyond_the_limit_is_found_the_sooner_the_larger_it_is(kept: floa
 def test_the_error_of_the_reference_excuses_what_it_explains() -> None:
     """A quarter less at a standard error of 8 % is healthy for 300 s, at 3 % a loss; half is one at both.
 
-    However well its gain is known, the manoeuvres of a reference are others than those of the flight. Once a healthy minute has shown the gain, less is no error of the reference.
+    However well its gain is known, the manoeuvres of a reference are others than those of the flight. Once a
+    healthy minute has shown the gain, less is no error of the reference.
     """
-    for error, kept, found in ((0.08, 0.74, False), (0.03, 0.74, True), (0.08, 0.5, True), (0.0, 0.82, False)):
+    for error, kept, found in (
+        (0.08, 0.74, False),
+        (0.03, 0.74, True),
+        (0.08, 0.5, True),
+        (0.0, 0.82, False),
+    ):
         test = LossTest(replace(REFERENCE, error=error), AxisLimits())
         assert any(test.feed(k, second(kept)) for k in range(1, 300)) is found
     fresh, known = (LossTest(replace(REFERENCE, error=0.08), AxisLimits()) for _ in range(2))
