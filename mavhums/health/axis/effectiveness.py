@@ -31,7 +31,6 @@ from mavhums.health.axis.reference import (
     jackknife,
     least_squares,
     measured,
-    most_error,
     shapes,
     without_blocks,
 )
@@ -40,6 +39,7 @@ from mavhums.health.axis.thresholds import (
     EXTRA_LAGS_S,
     GAIN_ERROR,
     GROUND_SPEED_SHARE,
+    JUDGED_ERROR,
     LEAST_DRIVE,
     LEAST_ROWS_PER_S,
     LONGEST_REFERENCE_S,
@@ -193,7 +193,7 @@ class EffectivenessTracker:
         if fit is None or found is None:
             return
         self.best = found if self.best is None or found.explained > self.best.explained else self.best
-        if found.error <= GAIN_ERROR and found.apart <= most_error(self._limits):
+        if found.error <= GAIN_ERROR and found.apart <= JUDGED_ERROR:
             self.reference = found
             self._begin(rows)
 

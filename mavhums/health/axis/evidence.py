@@ -30,12 +30,13 @@ from typing import Final
 import numpy as np
 
 from mavhums.core.arrays import Array
-from mavhums.health.axis.reference import Reference, least_loss
+from mavhums.health.axis.reference import Reference
 from mavhums.health.axis.thresholds import (
     EXTRA_LAGS_S,
     GAIN_DEVIATION,
     GAIN_KEPT_S,
     GUST_WINDOW_S,
+    LEAST_LOSS_PER_LIMIT,
     LOSSES,
     MEAN_ROWS,
     MOST_RATIO,
@@ -81,8 +82,8 @@ class LossTest:
         mixed: bool = False,
     ) -> None:
         self._reference = reference
-        least = least_loss(limits)
-        losses = np.linspace(least, 1.0, LOSSES)
+        least = LEAST_LOSS_PER_LIMIT * (1.0 - limits.effectiveness_degraded)
+        losses = np.linspace(min(least, 1.0), 1.0, LOSSES)
         slow = np.flatnonzero(limits.lag_s < _LAGS_S)
         self._allowed = np.flatnonzero(limits.lag_s >= _LAGS_S)
         # One of two mixed surfaces takes at most half of the gain, and as much of it moves the other axis.

@@ -10,30 +10,17 @@ from typing import NamedTuple
 import numpy as np
 
 from mavhums.core.arrays import Array, Flags, Integers
-from mavhums.core.statistics import NORMAL_95_ONE_SIDED
 from mavhums.health.axis.regressions import Basis, Columns, Form, HighPass, Shape
 from mavhums.health.axis.thresholds import (
     DELAYS_S,
     GUST_WINDOW_S,
     LAGS_S,
-    LEAST_LOSS_PER_LIMIT,
     MEAN_ROWS,
     REFERENCE_S,
     WINDOW_DEVIATION,
 )
 from mavhums.health.estimation.thresholds import WINDOW_S
-from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.grid import RATE_HZ
-
-
-def least_loss(limits: AxisLimits) -> float:
-    """Return the least loss that is looked for, as a share of the gain."""
-    return min(LEAST_LOSS_PER_LIMIT * (1.0 - limits.effectiveness_degraded), 1.0)
-
-
-def most_error(limits: AxisLimits) -> float:
-    """Return the largest relative error of a gain, beside the other contributions, that shows such a loss."""
-    return least_loss(limits) / NORMAL_95_ONE_SIDED
 
 
 def shapes(axis: str) -> list[Shape]:

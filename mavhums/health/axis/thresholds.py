@@ -27,7 +27,8 @@ LEAST_DRIVE: Final = 0.02
 # Effectiveness that a normal axis has at least: a loss of 40 % is what the test is for.
 NORMAL_EFFECTIVENESS: Final = 0.6
 
-# Largest standard error of an effectiveness that is shown or counted: half of that loss.
+# Largest standard error of an effectiveness that is shown or counted, and of a reference's gain beside the
+# other contributions: half of that loss.
 JUDGED_ERROR: Final = (1.0 - NORMAL_EFFECTIVENESS) / 2.0
 
 # Seconds over which a quiet axis is pooled: longer ones would excuse a loss by what was before it; and those

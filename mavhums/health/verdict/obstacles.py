@@ -12,9 +12,9 @@ import numpy as np
 from mavhums.actuator.telemetry import TO_BE_JUDGED, Tier
 from mavhums.core.conditions import Condition
 from mavhums.health.axis.findings import AxisFindings
-from mavhums.health.axis.reference import most_error
 from mavhums.health.axis.thresholds import (
     GAIN_ERROR,
+    JUDGED_ERROR,
     LEAST_SPEED_SHARE,
     MOST_PITCH_DEG,
     NORMAL_EFFECTIVENESS,
@@ -348,7 +348,7 @@ def _no_reference(findings: AxisFindings, flight: Flight) -> Iterator[Reason]:
     inseparable = "rudder_inseparable" if axis == "yaw" else "inseparable"
     for code, error, allowed in (
         (uncertain, best.error, GAIN_ERROR),
-        (inseparable, best.apart, most_error(findings.limits)),
+        (inseparable, best.apart, JUDGED_ERROR),
     ):
         if error > allowed:
             shown = beside(100 * min(error, 1.0), 100 * allowed)
