@@ -55,6 +55,18 @@ def test_selectors_compose_with_the_models_of_scikit_learn() -> None:
     assert results["Algorithm 1 → tanh networks"] > results["chi-square, best 6 → tanh networks"]
 
 
+@pytest.mark.parametrize("guide", ["ardupilot", "px4"])
+def test_a_guides_flight_is_judged_as_it_prints_it(guide: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Up to the dots; lines end where the printed ones do."""
+    root = Path(__file__).parents[1]
+    text = (root / "docs" / "guide" / f"{guide}.md").read_text(encoding="utf-8")
+    [(log, answer)] = re.findall(r"\$ mavhums analyse (\S+)\n(.*?)…\n", text, re.DOTALL)
+    monkeypatch.setenv("COLUMNS", "80")
+    printed = CliRunner().invoke(cli, ["analyse", str(root / log)]).stdout
+    lines = [line.rstrip() for line in printed.splitlines()]
+    assert lines[: answer.count("\n")] == [line.rstrip() for line in answer.splitlines()]
+
+
 def test_the_demos_last_flight_is_judged_as_the_readme_prints_it(tmp_path: Path) -> None:
     flight = [(name, flown) for name, flown in paper_campaign() if name == demo.SHOWN]
     run_campaign(flight, tmp_path, workers=1)
