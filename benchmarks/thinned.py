@@ -193,14 +193,14 @@ def run(path: Path, settings: Settings, only: str) -> tuple[int, list[str]]:
 
 def run_later(path: Path, settings: Settings) -> tuple[int, list[str]]:
     """Return at how many places a log was made to begin later, and what became worse."""
-    whole, _ = judged(path, settings)
+    whole = conditions(judged(path, settings)[0])
     first_us, last_us = time_span_us(path)
     worse: list[str] = []
     for place in range(1, _BEGINNINGS + 1):
         begin_us = first_us + (last_us - first_us) * place // (_BEGINNINGS + 1)
         later, _ = judged(path, settings, begin_us=begin_us)
         begins = f"begins {(begin_us - first_us) / 1e6:.1f} s later"
-        worse += [f"{begins}: {one}" for one in compare(conditions(whole), conditions(later))]
+        worse += [f"{begins}: {one}" for one in compare(whole, conditions(later))]
     return _BEGINNINGS, worse
 
 

@@ -235,7 +235,7 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
         "{frame}: no motor lost {bound} % or more of its thrust for over 2 s, with 95 % confidence in "
         "{share:.0f} % of the seconds, turns and the last seconds before a landing left out",
         "keep the log: a slower loss shows against later flights only"),
-    "motors_uncertain": ("no motor shows a loss, but one of {loss:.0f} % would not have been certain",
+    "motors_uncertain": ("no motor shows a loss, but a loss of {loss:.0f} % would not have been certain",
         "choose a calmer flight, or record the outputs at 25 Hz or more"),
 }  # fmt: skip
 

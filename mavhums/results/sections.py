@@ -133,8 +133,8 @@ class AxisLimits(Contract):
     )
     effectiveness_emergency: _Share = Field(
         default=0.65,
-        description="The same, up to which it is an emergency. One of two equal surfaces that no longer "
-        "moves leaves 45 to 65 %.",
+        description="The same, up to which it is an emergency, if that is 95 % probable. One of two equal "
+        "surfaces that no longer moves leaves 45 to 65 %.",
     )
     lag_s: Annotated[float, Field(ge=0.1, le=5, allow_inf_nan=False)] = Field(
         default=0.3,

@@ -106,7 +106,7 @@ def test_an_armed_aircraft_that_is_still_is_on_the_ground(
 ) -> None:
     log = swept(tmp_path, armed=True, speed_m_s=speed_m_s, landed=landed)
     if not counts:
-        with pytest.raises(MavhumsError, match="while it is at rest"):
+        with pytest.raises(MavhumsError, match="while the vehicle rests"):
             check_log(log, airframe=tmp_path / "one.toml")
         return
     (found,) = check_log(log, airframe=tmp_path / "one.toml")

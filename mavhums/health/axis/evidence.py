@@ -100,7 +100,7 @@ class LossTest:
         weights = np.where(lost, half / lost.sum(), half / max(len(slow), 1))
         self._test = SequentialTest(weights, false_alarms)
         self.highest, self.threshold = -inf, self._test.threshold
-        # The reference is a manoeuvre, too.
+        # The reference's manoeuvres are others than those of the flight.
         error = hypot(reference.error, GAIN_DEVIATION)
         self._gains = 1.0 + error * _ERRORS
         # Of each gain, in the rows, and of each allowed lag, in the columns.

@@ -97,10 +97,11 @@ GUST_WINDOW_S: Final = 6
 # makes one (benchmarks/control.py --share 0 --seed 27000 --healthy-hours 60).
 TRIM_CHANGE: Final = 0.013
 
-# Relative deviation of the gain between manoeuvres of minutes, and the mean time for which it is the same, s.
-# A larger deviation and a shorter time excuse losses of a surface of several, a smaller one and a longer time
-# call a manoeuvre after minutes of another gain a loss (benchmarks/control.py, development: 0.02 to 0.05 and
-# 60 to 300 tried; healthy seeds 12000 and 16000, and, of 90 minutes, 19000; faults of seeds 5000 and 7000).
+# Relative deviation of the gain between manoeuvres of minutes, the reference's included, and the mean time
+# for which it is the same, s. A larger deviation and a shorter time excuse losses of a surface of several, a
+# smaller one and a longer time call a manoeuvre after minutes of another gain a loss (benchmarks/control.py,
+# development: 0.02 to 0.05 and 60 to 300 tried; healthy seeds 12000 and 16000, and, of 90 minutes, 19000;
+# faults of seeds 5000 and 7000).
 GAIN_DEVIATION: Final = 0.03
 GAIN_KEPT_S: Final = 300
 
