@@ -189,7 +189,8 @@ def check_log(
             found.append(_sweep(vehicle, name, strokes.strokes, ground.known(vehicle)))
     if not found:
         raise MavhumsError(
-            f"{path}: no surface is swept on the ground: none moves at constant speed while the vehicle rests",
+            f"{path}: no surface is swept on the ground: "
+            "none moves at constant speed while the vehicle rests",
             "sweep the surfaces at constant speed, out and back, before take-off, and record V1 and V3",
         )
     return found
