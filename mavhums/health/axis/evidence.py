@@ -37,11 +37,11 @@ from mavhums.health.axis.thresholds import (
     GAIN_KEPT_S,
     GUST_WINDOW_S,
     LEAST_LOSS_PER_LIMIT,
+    LONGEST_REFERENCE_S,
     LOSSES,
     MEAN_ROWS,
     MOST_RATIO,
     NORMAL_EFFECTIVENESS,
-    POOLED_S,
     TRIM_CHANGE,
 )
 from mavhums.health.decision.thresholds import FALSE_ALARMS, NORMAL_S
@@ -187,7 +187,7 @@ class LossTest:
         healthy, lost = np.logaddexp.reduce(likely + explained)
         ratio = _bounded(float(healthy - lost))
         self._health = min(max(self._health, 0.0) + ratio, EXCLUDING)
-        self._waiting = min(self._waiting + 1, POOLED_S)
+        self._waiting = min(self._waiting + 1, LONGEST_REFERENCE_S)
         if self._health < EXCLUDING:
             return 0
         waiting, self._waiting = self._waiting, 0

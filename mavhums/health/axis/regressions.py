@@ -13,14 +13,13 @@ import numpy as np
 
 from mavhums.core.arrays import Array, Array1, Flags
 from mavhums.core.kernels import kernel
-from mavhums.health.axis.thresholds import LEAST_SPEED_SHARE, MEAN_ROWS, MOST_PITCH_DEG, SLOW_STREAM_S
+from mavhums.health.axis.thresholds import LEAST_SPEED_SHARE, MEAN_ROWS, SLOW_STREAM_S
 from mavhums.health.decision.thresholds import MOST_BANK_DEG
 from mavhums.vehicle.grid import RATE_HZ
 from mavhums.vehicle.rows import Rows
 from mavhums.vehicle.surfaces import STEERING
 
-_ROLL_RAD: Final = np.radians(MOST_BANK_DEG)
-_PITCH_RAD: Final = np.radians(MOST_PITCH_DEG)
+_MOST_RAD: Final = np.radians(MOST_BANK_DEG)
 STEP_S: Final = 1.0 / RATE_HZ
 
 
@@ -208,7 +207,7 @@ def judgeable(rows: Rows, basis: Basis, form: Form, least_share: float = LEAST_S
     # Near the stall ailerons lose most of their effect without a fault.
     slow = rows.speed < min(least_share, form.least_speed_share) * basis.speed
     # The regressions are linear in the angles, and an attitude that is not known may be any.
-    level = (np.abs(rows.roll) <= _ROLL_RAD) & (np.abs(rows.pitch) <= _PITCH_RAD)
+    level = (np.abs(rows.roll) <= _MOST_RAD) & (np.abs(rows.pitch) <= _MOST_RAD)
     gap = form.spacing(rows) > 2.0 * SLOW_STREAM_S  # one lost sample passes
     good: Flags = rows.flying & rows.trusted & ~gap & ~slow & level & np.isfinite(rows.speed)
     good &= rows.sources == basis.sources

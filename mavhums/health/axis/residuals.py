@@ -14,9 +14,9 @@ from mavhums.health.axis.regressions import STEP_S, hold_last
 from mavhums.health.axis.thresholds import (
     FASTEST_ROLL_DEG_S,
     LEAST_ROWS_PER_S,
+    LONGEST_REFERENCE_S,
     NOSE_RISES_DEG_S,
     OFFSET_SPREAD_RAD,
-    POOLED_S,
     REFERENCE_S,
     RESPONSE_RAD_S,
     SHIFT_S,
@@ -219,7 +219,7 @@ class RollTracking:
 
 
 class _OwnSpeed:
-    """The median airspeed of the first minute of flight."""
+    """The median airspeed of the first two minutes of flight."""
 
     def __init__(self) -> None:
         self._speeds: list[Array] = []
@@ -234,7 +234,7 @@ class _OwnSpeed:
         values = np.empty(rows.seconds)
         seconds = zip(rows.speed.reshape(-1, RATE_HZ), rows.flying.reshape(-1, RATE_HZ), strict=True)
         for k, (speed, flying) in enumerate(seconds):
-            if len(self._speeds) < POOLED_S and flying.any():
+            if len(self._speeds) < LONGEST_REFERENCE_S and flying.any():
                 self._speeds.append(speed[flying])
                 self.value = float(np.nanmedian(np.concatenate(self._speeds)))
             values[k] = self.value

@@ -31,10 +31,6 @@ NORMAL_EFFECTIVENESS: Final = 0.6
 # other contributions: half of that loss.
 JUDGED_ERROR: Final = (1.0 - NORMAL_EFFECTIVENESS) / 2.0
 
-# Seconds over which a quiet axis is pooled: longer ones would excuse a loss by what was before it; and those
-# that give the usual speed: a whole circuit, climb and cruise. By hand.
-POOLED_S: Final = 60
-
 # Least deviation of a roll reference, rad/s: a calm reference does not promise a calm flight.
 # Development.
 SHIFT_FLOOR_RAD_S: Final = 0.045
@@ -51,10 +47,6 @@ SKID_SHARES: Final = (0.1, 0.5)
 
 # Deviations of a roll that is beyond what the regression covers. Development, as above.
 UNKNOWN_ROLL_DEVIATIONS: Final = 40.0
-
-# Seconds in a row that a trim or a pitch must be away: one alone may be a gust; with three, the roll alarms
-# before the rudder that is stuck (an ALFA flight). Development.
-PERSISTENT_S: Final = 2
 
 # Time between samples beyond which no gain is determined, s: 3 Hz with jitter passes, 2 Hz does not.
 SLOW_STREAM_S: Final = 0.42
@@ -143,9 +135,6 @@ SCORE_SCATTER: Final = 0.002
 # Share of the reference speed below which an aircraft may be stalling: there the gain of ailerons falls to
 # 0.2–0.5 in flights with failed engines. Development.
 LEAST_SPEED_SHARE: Final = 0.85
-
-# Steeper climbs and dives are left out, °, as above. By hand.
-MOST_PITCH_DEG: Final = 34
 
 # Rows that are averaged, 0.4 s: noise of rates falls, delays of 0.05 s still show. Development.
 MEAN_ROWS: Final = 8

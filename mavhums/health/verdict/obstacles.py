@@ -16,7 +16,6 @@ from mavhums.health.axis.thresholds import (
     GAIN_ERROR,
     JUDGED_ERROR,
     LEAST_SPEED_SHARE,
-    MOST_PITCH_DEG,
     NORMAL_EFFECTIVENESS,
     REFERENCE_S,
     SLOW_STREAM_S,
@@ -339,8 +338,8 @@ def _no_reference(findings: AxisFindings, flight: Flight) -> Iterator[Reason]:
     if best is None:
         least = 100 * LEAST_SPEED_SHARE
         speeds = f"{least:.0f} to {1e4 / least:.0f}" if axis == "pitch" else f"{least:.0f}"
-        attitude = {"bank_deg": MOST_BANK_DEG, "pitch_deg": MOST_PITCH_DEG}
-        yield Reason("no_reference", reference_s=REFERENCE_S, speeds=speeds, axis=axis, **attitude)
+        known = {"reference_s": REFERENCE_S, "bank_deg": MOST_BANK_DEG, "speeds": speeds}
+        yield Reason("no_reference", axis=axis, **known)
         return
     again = _MOTIONS[axis == STEERING]["again"]
     by_axis = {STEERING: "steering_uncertain", "yaw": "rudder_uncertain"}

@@ -14,7 +14,6 @@ from tests.health.axis.flights import SPEED, Array, excited, rows, steady, witho
 
 LEAST_SPEED_SHARE = 0.85
 MEAN_ROWS = 8
-MOST_PITCH_DEG = 34
 MOST_BANK_DEG = 60
 STEP = np.concatenate([np.zeros(1), np.ones(60)])
 TIME_S = np.arange(61) / RATE_HZ
@@ -79,8 +78,8 @@ def test_a_reference_rests_on_the_usual_source_in_flight() -> None:
         ("speed", 99.0, np.nan),
         ("roll", np.radians(MOST_BANK_DEG), np.radians(MOST_BANK_DEG + 0.1)),
         ("roll", -np.radians(MOST_BANK_DEG), -np.radians(MOST_BANK_DEG + 0.1)),
-        ("pitch", np.radians(MOST_PITCH_DEG), np.radians(MOST_PITCH_DEG + 0.1)),
-        ("pitch", -np.radians(MOST_PITCH_DEG), -np.radians(MOST_PITCH_DEG + 0.1)),
+        ("pitch", np.radians(MOST_BANK_DEG), np.radians(MOST_BANK_DEG + 0.1)),
+        ("pitch", -np.radians(MOST_BANK_DEG), -np.radians(MOST_BANK_DEG + 0.1)),
         ("roll", 0.0, np.nan),
         ("pitch", 0.0, np.nan),
         ("spacing", 0.84, 0.841),
