@@ -16,6 +16,7 @@ from mavhums.health.axis.reference import Loss, Second
 from mavhums.health.axis.residuals import Deviation, PitchTracking, Residual, RollTracking
 from mavhums.health.axis.thresholds import (
     JUDGED_ERROR,
+    PERSISTENT_S,
     SHIFT_FLOOR_RAD_S,
     SHIFT_S,
     SKID_DEVIATIONS,
@@ -23,7 +24,6 @@ from mavhums.health.axis.thresholds import (
     UNKNOWN_ROLL_DEVIATIONS,
 )
 from mavhums.health.decision.limits import MOST_CONFIDENCE
-from mavhums.health.decision.thresholds import AGREEING
 from mavhums.health.sequential import EXCLUDING
 from mavhums.results.sections import AxisLimits
 from mavhums.vehicle.rows import Rows
@@ -83,7 +83,7 @@ class AxisDetector(Protocol):
 class Persistent:
     """Tracks since when deviations exceed a limit, if they do so for ``seconds`` in a row."""
 
-    def __init__(self, limit: float, seconds: int = AGREEING) -> None:
+    def __init__(self, limit: float, seconds: int = PERSISTENT_S) -> None:
         self._limit = limit
         self._seconds = seconds
         self._run = 0
@@ -280,7 +280,7 @@ class Skids:
 DETECTORS: tuple[Callable[[AxisLimits], AxisDetector], ...] = (
     HardOverDetector,
     lambda limits: EffectivenessDetector(limits, "pitch"),
-    lambda limits: TrackingDetector("pitch", PitchTracking(), limits.pitch_tracking_deviations, AGREEING),
+    lambda limits: TrackingDetector("pitch", PitchTracking(), limits.pitch_tracking_deviations, PERSISTENT_S),
     lambda limits: EffectivenessDetector(limits, "roll"),
     lambda limits: TrackingDetector("roll", RollTracking(), limits.roll_tracking_deviations, SHIFT_S),
     lambda limits: EffectivenessDetector(limits, "yaw"),

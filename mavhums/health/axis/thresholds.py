@@ -48,6 +48,11 @@ SKID_SHARES: Final = (0.1, 0.5)
 # Deviations of a roll that is beyond what the regression covers. Development, as above.
 UNKNOWN_ROLL_DEVIATIONS: Final = 40.0
 
+# Seconds in a row that a trim or a pitch must be away: one alone may be a gust. With three, an elevator that
+# stops at 25° is found more than a minute later (benchmarks/control.py --share 9, seed 5000), and the roll
+# alarms before the rudder that is stuck (an ALFA flight).
+PERSISTENT_S: Final = 2
+
 # Time between samples beyond which no gain is determined, s: 3 Hz with jitter passes, 2 Hz does not.
 SLOW_STREAM_S: Final = 0.42
 

@@ -50,10 +50,9 @@ GROWTH_SCALES: Final = (0.03, 0.1, 0.4, 1.6)
 STEP_SIZE: Final = 7.0
 
 # Parts that must agree, for one may be a glitch or a gust, and two show no scatter: seconds of ten with a
-# gear's load on either flank, or with an error of following; seconds in a row in which a trim or a pitch is
-# away; blocks of a trim, those that one after the other withdraw a loss, and flights of motors, whose scatter
-# others show; flights after a step. More find a fault later. By hand; the flights by benchmarks/growth.py, on
-# its seeds for development.
+# gear's load on either flank, or with an error of following; blocks of a trim, those that one after the other
+# withdraw a loss, and flights of motors, whose scatter others show; flights after a step. More find a fault
+# later. By hand; the flights by benchmarks/growth.py, on its seeds for development.
 AGREEING: Final = 3
 
 # Probability from which one of several motors or mixed surfaces is named alone: less names the opposite motor
