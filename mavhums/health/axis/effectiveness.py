@@ -243,6 +243,7 @@ class EffectivenessTracker:
             last,
             constants(self._form, basis.speed, fit.beta, parts),
             bool(rows.settled[fit.at].mean() > 0.5),
+            float(drive2.max()),
         )
 
     def _begin(self, rows: Rows) -> None:

@@ -11,6 +11,8 @@ than λ = 0:
 - *speeds*: one that no sensor measures changes the gain by the share that is unknown;
 - *reference*: its gain has an error, and is that of its own manoeuvres, which healthy seconds show;
 - *manoeuvres*: the gain changes by a little between them, from one of some minutes to the next;
+- *size*: beyond the reference's largest manoeuvre a servo may be too slow, or a surface stall, which lowers
+  the gain by up to a fifth;
 - *trim*: thrust and speed change it, and the surfaces that follow move nothing. A trim that is constant over
   the last seconds adds noise by the share of the drive that is constant, too.
 
@@ -36,6 +38,7 @@ from mavhums.health.axis.thresholds import (
     GAIN_DEVIATION,
     GAIN_KEPT_S,
     GUST_WINDOW_S,
+    LARGER_LOSS,
     LEAST_LOSS_PER_LIMIT,
     LONGEST_REFERENCE_S,
     LOSSES,
@@ -131,6 +134,7 @@ class LossTest:
         self._window.append(sums)
         if mixed is not None:
             self._coupled.append(mixed)
+        unknown = max(unknown, self._beyond(float(drive2[0])))
         self._noise, gust_loss = self._gusts()
         spread = self._spread()
         kept = self._kept * self._gains[:, :, None]
@@ -181,6 +185,7 @@ class LossTest:
         """
         if not drive2 > 0.0:
             return 0
+        unknown = max(unknown, self._beyond(drive2))
         kept = np.array((1.0, min(NORMAL_EFFECTIVENESS * (1.0 + unknown), 1.0))) * self._gains
         explained = _explained(kept, drive2, cross, self._reference.gain) / self._spread()
         likely = np.logaddexp.reduce(self._likely, axis=1)[:, None]
@@ -219,6 +224,10 @@ class LossTest:
         share = max(left / own - self._coupling(), 0.0)
         noise = share * own / len(self._window) * MEAN_ROWS / RATE_HZ  # of independent rows
         return noise, sqrt(max(share - (1.0 - self._reference.explained), 0.0))
+
+    def _beyond(self, drive2: float) -> float:
+        """Return the share of the gain that a second may lack by being larger than those of the reference."""
+        return LARGER_LOSS * max(1.0 - sqrt(self._reference.largest / drive2), 0.0)
 
     def _constant(self) -> float:
         """Return (Σd)² / Σd² of the last seconds: their rows if d is constant, 0 if it is balanced."""

@@ -44,6 +44,8 @@ class Reference:
         What one aircraft keeps from flight to flight beside the gain, by the fault that changes it.
     settled
         Whether the speed is measured, or turns had shown the wind before.
+    largest
+        Largest sum of drive² of its seconds.
     """
 
     basis: Basis
@@ -59,6 +61,7 @@ class Reference:
     end_s: int
     constants: Mapping[str, Constant] = field(default_factory=dict)
     settled: bool = True
+    largest: float = inf
 
     @property
     def apart(self) -> float:
