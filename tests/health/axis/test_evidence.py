@@ -67,6 +67,23 @@ def test_the_error_of_the_reference_excuses_what_it_explains() -> None:
     assert delays_s[0] < delays_s[1]
 
 
+@pytest.mark.parametrize(("kept", "times", "found"), [(0.72, 1, True), (0.72, 100, False), (0.5, 100, True)])
+def test_manoeuvres_beyond_those_of_the_reference_may_lack_some_of_the_gain(
+    kept: float, times: int, found: bool
+) -> None:
+    """A servo is too slow for them, or a surface stalls; a fifth at most, so that half is still a loss."""
+    made = second(kept)
+    test = LossTest(replace(REFERENCE, error=0.03, largest=made[0, 0] / times), AxisLimits())
+    assert any(test.feed(k, made) for k in range(1, 200)) is found
+
+
+def test_manoeuvres_beyond_those_of_the_reference_exclude_a_loss_later() -> None:
+    drive2, cross = second(0.9)[0, :2].tolist()
+    tests = [LossTest(replace(REFERENCE, largest=drive2 / times), AxisLimits()) for times in (1, 100)]
+    alike, larger = (next(k for k in range(99) if test.excludes(drive2, cross)) for test in tests)
+    assert alike < larger
+
+
 @pytest.mark.parametrize(("explained", "error"), [(0.03, 0.54), (0.62, 0.074), (0.0, np.inf), (1.0, 0.05)])
 def test_a_gain_is_known_no_better_than_the_rest_of_the_response_allows(
     explained: float, error: float
