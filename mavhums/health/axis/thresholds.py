@@ -13,7 +13,9 @@ from typing import Final
 # Development.
 REFERENCE_S: Final = 45
 
-# Seconds within which a reference is sought, s: older rows are of another phase of the flight. Development.
+# Seconds within which a reference is sought, over which a quiet axis excludes a loss, and which give the
+# usual speed: a whole circuit, climb and cruise. Older ones are of another phase of the flight, and would
+# excuse a loss by what was before it. Development.
 LONGEST_REFERENCE_S: Final = 120
 
 # Rows of 20 that make a second usable: two thirds, so that one lost sample of a slow stream passes. By
