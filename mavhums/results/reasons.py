@@ -189,8 +189,8 @@ MESSAGES: Final[dict[str, tuple[str, str]]] = {
     "steering_still": ("two minutes of driving contain no {reference_s} s with its steering in motion",
         "drive turns in the first two minutes"),
     "no_reference": (
-        "two minutes contain no {reference_s} s within {bank_deg}° of bank and pitch and "
-        "{speeds} % of the usual speed, with the surfaces of {axis} in motion",
+        "two minutes contain no {reference_s} s with bank and pitch within {bank_deg}°, {speeds} % of the "
+        "usual speed, and the surfaces of {axis} in motion",
         "fly straight legs and gentle turns in the first two minutes"),
     "wind_unknown": (
         "without an airspeed sensor the wind is estimated in turns: the airspeed was known for "

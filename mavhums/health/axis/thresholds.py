@@ -104,9 +104,10 @@ TRIM_CHANGE: Final = 0.013
 GAIN_DEVIATION: Final = 0.03
 GAIN_KEPT_S: Final = 300
 
-# Share of the gain that seconds much larger than the reference's may lack. Larger excuses losses, smaller
-# calls large manoeuvres after a reference of small ones a loss: 0, 0.2 and 0.3 leave 5, 3 and 2 healthy axes
-# faulty where nine flights begin later, and find 28, 28 and 27 of 33 faults. Development.
+# Share of the gain that seconds much larger than the reference's may lack. Larger excuses losses: with 0.3
+# one of 28 faults is missed (benchmarks/alfa.py, ArduPlane). Smaller calls large manoeuvres after a reference
+# of small ones a loss: with 0, 5 healthy axes are faulty where flights begin later, with 0.2, 3
+# (benchmarks/thinned.py --beginnings). Development.
 LARGER_LOSS: Final = 0.2
 
 # Largest logarithm of a second's likelihood ratio: an alarm needs three seconds at least, for a single
@@ -141,8 +142,8 @@ LAGS_S: Final = {
 GAIN_ERROR: Final = 0.08
 
 # Least variance of a second's score, relative to the gain's square: quiet air does not last. Development:
-# 0.001, 0.0015 and 0.002 find faults after 17, 17 and 20 s in the median (ArduPlane), and leave 4, 3 and 3
-# healthy axes faulty where nine flights begin later.
+# more finds faults later (0.002: after 20 s in the median instead of 17, benchmarks/alfa.py, ArduPlane), less
+# calls a healthy axis in calm air a loss.
 SCORE_SCATTER: Final = 0.0015
 
 # Share of the reference speed below which an aircraft may be stalling: there the gain of ailerons falls to

@@ -337,7 +337,7 @@ def _no_reference(findings: AxisFindings, flight: Flight) -> Iterator[Reason]:
         return
     if best is None:
         least = 100 * LEAST_SPEED_SHARE
-        speeds = f"{least:.0f} to {1e4 / least:.0f}" if axis == "pitch" else f"{least:.0f}"
+        speeds = f"{least:.0f} to {1e4 / least:.0f}" if axis == "pitch" else f"at least {least:.0f}"
         known = {"reference_s": REFERENCE_S, "bank_deg": MOST_BANK_DEG, "speeds": speeds}
         yield Reason("no_reference", axis=axis, **known)
         return
